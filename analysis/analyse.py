@@ -15,7 +15,15 @@ from ..model.likelihood.geometry import NOMINAL
 from ..model.likelihood.problem import Problem
 from ..model.likelihood.ties import Tie
 from .answer.findings import findings
-from .answer.result import AngleResult, DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
+from .answer.result import (
+    AngleResult,
+    DistanceResult,
+    FitSummaries,
+    Inputs,
+    LikelihoodSummary,
+    MidpointSummary,
+    Result,
+)
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import Explanation, diagnose
@@ -198,8 +206,7 @@ def _analyse(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
         identifiability=solution.facts,
-        likelihood=_likelihood(solution),
-        midpoint=_midpoint(midpoint),
+        fits=FitSummaries(_likelihood(solution), _midpoint(midpoint)),
         geometry=geometry,
         posterior=posterior,
         shots=shots,

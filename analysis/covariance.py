@@ -5,14 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar, get_args
 
 import numpy as np
+from pydantic import GetCoreSchemaHandler
+from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function, tuple_variable_schema
 
 from ..model.arrays import ByValue, Matrix
-from ..model.errors import BadInput, missing_extra
+from ..model.errors import BadInput, UnsoundResult, missing_extra
 from ..model.parsing.reading import did_you_mean
-from .status import UNVALIDATED, Status, UnsoundResult, called, caveat, require_no_more_than
+from ..model.records import internal, it, record
+from .status import UNVALIDATED, Status, called, caveat, require_no_more_than
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,6 +70,11 @@ class Rows(tuple[Row, ...]):
     """Rows with names, in their order."""
 
     __slots__ = ()
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        row: Any = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
+        return no_info_after_validator_function(cls, tuple_variable_schema(handler.generate_schema(row)))
 
     def named(self, name: str) -> Row:
         """The row of this name, of an offset also its joint's ("J2"); BadInput where there is none."""
@@ -246,7 +254,7 @@ class Covariance(ByValue):
         )
 
 
-@dataclass(frozen=True)
+@record
 class OffsetsWithoutPrior:
     """What the measurements say of the m offsets that they determine, without any prior: what another run of
     the same arm can be held against.
@@ -258,15 +266,18 @@ class OffsetsWithoutPrior:
     Raises UnsoundResult where an offset is of a status that allows no number.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    status: tuple[Status, ...]
-    values: tuple[float, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    geometry: tuple[str, ...]
-    by_geometry: tuple[tuple[float, ...], ...]
-    dof: int | None
+    names: Annotated[tuple[str, ...], it("of the offsets")]
+    units: Annotated[tuple[str, ...], it("of each")]
+    status: Annotated[tuple[Status, ...], internal]
+    values: Annotated[tuple[float, ...], it("of each")]
+    covariance: Annotated[tuple[tuple[float, ...], ...], it("by the noise, in products of the units")]
+    geometry: Annotated[tuple[str, ...], it("names of the estimated geometry parameters")]
+    by_geometry: Annotated[
+        tuple[tuple[float, ...], ...], it("of each offset what each of these adds if it is one tolerance off")
+    ]
+    dof: Annotated[int | None, it("degrees of freedom of the noise; null where it is known")]
 
     def __post_init__(self) -> None:
-        for name, status, value in zip(self.names, self.status, self.values, strict=True):
+        # A result that was read has its statuses in its rows, and is checked against those.
+        for name, status, value in zip(self.names, self.status or (), self.values, strict=bool(self.status)):
             require_no_more_than(name, status, value=value)

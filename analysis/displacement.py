@@ -9,14 +9,15 @@ size can do, such as links within their tolerance, is taken out too, as far as i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import field
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import scipy
 
 from ..model.arrays import Index, Matrix
+from ..model.records import internal, record, worded
 from .estimation.fit import LikelihoodFit
 from .recordings.recordings import by_targets
 
@@ -36,9 +37,9 @@ class ChangePoint(NamedTuple):
     before_shot: int
 
 
-@dataclass(frozen=True)
+@record
 class Displacement:
-    """The most likely displacement of a run: at the change point `at`.
+    """The most likely displacement of a run: of `target`, between two shots.
 
     `p_value` is that of one as clear anywhere in the run, by Bonferroni's bound over the change points.
     `shift_mm` (base frame) and its `std_mm` have None for an undetermined component; `size_mm` and
@@ -49,19 +50,22 @@ class Displacement:
     moved relative to the base.
     """
 
-    kind: ClassVar[str] = "moved_target"
+    kind: Literal["moved_target"] = field(default="moved_target", kw_only=True)
 
-    at: ChangePoint
+    target: str
+    after_shot: int
+    before_shot: int
     p_value: float
-    shift_mm: tuple[float | None, ...]
-    std_mm: tuple[float | None, ...]
+    shift_mm: Annotated[tuple[float | None, ...], internal]
+    std_mm: Annotated[tuple[float | None, ...], internal]
     size_mm: float | None
     size_std_mm: float | None
-    elsewhere: tuple[ChangePoint, ...]
-    alone: int | None
-    better_alone: bool
-    rest_agrees: bool
-    station: bool = False
+    elsewhere: Annotated[tuple[ChangePoint, ...], internal]
+    alone: Annotated[int | None, internal]
+    better_alone: Annotated[bool, internal]
+    rest_agrees: Annotated[bool, internal]
+    station: Annotated[bool, internal] = False
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
     def significant(self) -> bool:
@@ -95,7 +99,7 @@ def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacemen
     determined = std < _DETERMINED_MM
     size = float(np.linalg.norm(shift)) if determined.all() else None
     return Displacement(
-        at=points[best],
+        **points[best]._asdict(),
         p_value=min(1.0, left.p_value(moved, best) * int((moved.rank > 0).sum())),
         shift_mm=tuple(float(v) if known else None for v, known in zip(shift, determined, strict=True)),
         std_mm=tuple(float(v) if known else None for v, known in zip(std, determined, strict=True)),

@@ -23,15 +23,17 @@ the very residuals that it causes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import scipy
 
 from ..model.arrays import Matrix
+from ..model.errors import UnsoundResult
 from ..model.likelihood.noise import COMMON
 from ..model.likelihood.problem import Problem
+from ..model.records import key, record, worded
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
@@ -41,7 +43,7 @@ from .observability.identifiability import Identified
 from .placements import placements
 from .recordings.resting import resting_columns
 from .recordings.steps import RecordingStep
-from .status import LACK_OF_FIT, UnsoundResult, has_numbers
+from .status import LACK_OF_FIT, has_numbers
 from .tight_priors import TightPrior, tight_priors
 
 BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off
@@ -58,12 +60,12 @@ NoiseOf = Literal["all", "joint", "spot"]
 _OF_FACTOR: dict[str, NoiseOf] = {"joint": "joint", COMMON: "all"}
 
 
-@dataclass(frozen=True)
+@record
 class LackOfFit:
     """The residuals are `factor` times what the stated noise explains; `rms_mm` None where that is not at
     hand. `with_priors`: together with the scaled parameters, as no number is left over to test alone."""
 
-    kind: ClassVar[str] = "chi2"
+    kind: Literal["chi2"] = field(default="chi2", kw_only=True)
 
     chi2: float
     dof: int
@@ -71,24 +73,27 @@ class LackOfFit:
     rms_mm: float | None = None
     with_priors: bool = False
     geometry: Geometry = "nominal"
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
+    @key("factor")
     def factor(self) -> float:
         """Root of chi-squared over its degrees of freedom."""
         return float(np.sqrt(self.chi2 / self.dof))
 
 
-@dataclass(frozen=True)
+@record
 class ImplausibleNoise:
     """An estimated noise `factor` whose 99.8 % `interval` lies beyond `plausible` times the stated noise, or
     below 1 over it: that of all readings, of the joints, or of the spot."""
 
-    kind: ClassVar[str] = "noise_factor"
+    kind: Literal["noise_factor"] = field(default="noise_factor", kw_only=True)
 
     of: NoiseOf
     factor: float
     interval: tuple[float, float]
     plausible: float
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -109,11 +114,12 @@ class FTest:
         return self.p_value < LACK_OF_FIT and self.factor > DISAGREES
 
 
-@dataclass(frozen=True)
+@record
 class NominalContradicted(FTest):
     """Links within typical tolerances explain what nominal geometry leaves."""
 
-    kind: ClassVar[str] = "nominal_geometry"
+    kind: Literal["nominal_geometry"] = field(default="nominal_geometry", kw_only=True)
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -136,23 +142,24 @@ class OffPrior:
     stds: float | None
 
 
-@dataclass(frozen=True)
+@record
 class BeyondPrior:
     """Parameters whose estimates are beyond `limit` prior stds."""
 
-    kind: ClassVar[str] = "prior"
+    kind: Literal["prior"] = field(default="prior", kw_only=True)
 
     parameters: tuple[OffPrior, ...]
     limit: float = BEYOND_PRIOR
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
-@dataclass(frozen=True)
+@record
 class PlacementsDisagree:
     """Offsets of their own for each placement would fit so much better: `factor` is the root of the mean
     square that they explain (`rank` degrees of freedom) over the mean square left within the placements
     (`dof`); `most` is the placement whose own offsets explain most."""
 
-    kind: ClassVar[str] = "placements"
+    kind: Literal["placements"] = field(default="placements", kw_only=True)
 
     placements: tuple[str, ...]
     most: str
@@ -161,6 +168,7 @@ class PlacementsDisagree:
     dof: int
     p_value: float
     geometry: Geometry = "nominal"
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 Criterion = (
@@ -178,7 +186,7 @@ Criterion = (
 _CONFUSED_WITH_LINKS = (BeyondPrior, Displacement, RecordingStep)  # links of an exact arm may pass for them
 
 
-@dataclass(frozen=True)
+@record
 class Misfit:
     """The model does not describe the measurements, by one criterion or several."""
 

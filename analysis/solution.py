@@ -14,20 +14,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from pydantic import Field
 
 from ..model.arrays import Matrix
-from ..model.errors import BadInput
+from ..model.errors import BadInput, UnsoundResult
 from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
+from ..model.records import internal, it, record, worded
 from .covariance import Covariance, Rows, ValuesByName, frame, row_text
 from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
@@ -42,15 +44,7 @@ from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
 from .recordings.resting import resting_columns
 from .recordings.steps import RecordingSteps, steps
-from .status import (
-    Status,
-    UnsoundResult,
-    Verdict,
-    has_numbers,
-    require_no_more_than,
-    verdict_of,
-    with_misfit,
-)
+from .status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, with_misfit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +55,7 @@ if TYPE_CHECKING:
 EQUALLY_GOOD = float(np.log(1000.0))
 
 
-@dataclass(frozen=True)
+@record(needed=("name", "unit", "group", "status", "held", "estimate", "std", "interval95"))
 class ParameterResult:
     """One row of the answer: the parameter `name` of a `group` (offset, geometry, target, tool, …), its
     numbers in its `unit` (deg, mm, or 1 of a noise factor).
@@ -78,21 +72,47 @@ class ParameterResult:
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """
 
-    name: str
-    unit: str
-    group: Group
-    status: Status
-    held: bool
-    estimate: float | None
-    std: float | None
-    data_std: float | None
-    interval95: tuple[float, float] | None
-    prior_std: float
-    midpoint: float | None
-    cause: Cause | None
-    tolerance_share: float | None = None
-    tolerated: bool = False
-    dof: float = math.inf
+    name: Annotated[str, it("of the parameter, as `delta2` (docs/conventions.md)")]
+    unit: Annotated[
+        str, it("`deg`, `mm`, or `1` for a factor on the noise: 1.2 means 1.2 times the stated noise")
+    ]
+    group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
+    status: Annotated[Status, it("what the data determine")]
+    held: Annotated[bool, it("whether it is not estimated")]
+    estimate: Annotated[
+        float | None, it("the mode of the posterior; the value of a held parameter; null if unidentifiable")
+    ]
+    std: Annotated[float | None, it("standard uncertainty at the mode; null if unidentifiable or held")]
+    data_std: Annotated[
+        float | None,
+        it(
+            "standard uncertainty without prior; null if held, infinite, or undetermined between local optima"
+        ),
+    ]
+    interval95: Annotated[
+        tuple[float, float] | None,
+        it(
+            "95 % interval at the mode; null if unidentifiable or held; of a noise factor it is not symmetric"
+        ),
+    ]
+    prior_std: Annotated[float, it("standard deviation of the prior")]
+    midpoint: Annotated[
+        float | None,
+        it("the paper's fit; null if unidentifiable or held, if that fit failed, and of a noise factor"),
+    ]
+    cause: Annotated[Cause | None, internal]
+    tolerance_share: Annotated[
+        Annotated[float, Field(ge=0, lt=1)] | None,
+        it(
+            "of an offset: share of its variance that the tolerances of the geometry set; null for "
+            "nominal geometry"
+        ),
+    ] = None
+    tolerated: Annotated[bool, internal] = False
+    dof: Annotated[float, internal] = math.inf
+    reason: Annotated[str | None, worded("why it is not `identified`, else null")] = field(
+        default=None, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         if self.held != (self.status == "held"):
@@ -101,7 +121,7 @@ class ParameterResult:
             require_no_more_than(
                 self.name, "held", std=self.std, interval95=self.interval95, midpoint=self.midpoint
             )
-            if self.estimate is None or self.cause is None:
+            if self.estimate is None or (self.cause is None and self.reason is None):
                 raise UnsoundResult(
                     f"{self.name!r} is held without the value that it is held at or the cause"
                 )
@@ -115,6 +135,11 @@ class ParameterResult:
                 raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
             if not self.std > 0 or not self.interval95[0] < self.interval95[1]:
                 raise UnsoundResult(f"{self.name!r} is {self.status}, but its std or interval95 is empty")
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Keys that only the row of an offset has."""
+        return () if self.group == "offset" else ("tolerance_share",)
 
     @property
     def u(self) -> float | None:
@@ -231,7 +256,7 @@ class Solution:
         steps = [step for step in self.recording_steps.rows if step.contradicts]
         # A target that was off for some measurements only has not moved: its step says so.
         moved = self.moved_target
-        if moved is not None and moved.at.target in {step.target for step in steps}:
+        if moved is not None and moved.target in {step.target for step in steps}:
             moved = None
         return misfit_of(self.fit, self.identified, moved, steps)
 

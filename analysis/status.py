@@ -15,7 +15,7 @@ from functools import cache
 from importlib.metadata import version
 from typing import Literal
 
-from ..model.errors import ZerobeamError
+from ..model.errors import UnsoundResult
 
 LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
 UNVALIDATED = "unvalidated: the model does not describe the measurements"
@@ -37,12 +37,6 @@ _BY_GRAVITY: tuple[Status, ...] = (
     "unvalidated",
 )
 _GRAVITY: dict[Verdict, int] = {"pass": 0, "weak": 1, "degenerate": 2, "misfit": 3}
-
-
-class UnsoundResult(ZerobeamError):
-    """An answer that claims more than the status of a parameter allows: a fault of the program."""
-
-    exit_status = 3
 
 
 def known(status: Status) -> bool:
@@ -98,11 +92,12 @@ def as_grave(verdict: Verdict, needed: Verdict) -> bool:
     return _GRAVITY[verdict] >= _GRAVITY[needed]
 
 
-def require_no_more_than(what: str, status: Status, **claims: object) -> None:
+def require_no_more_than(what: str, status: Status | None, **claims: object) -> None:
     """Raise UnsoundResult unless `claims` (by name, None where nothing is claimed) go with the status.
 
     What the data cannot determine is never reported as known: every object that holds an estimate, a standard
-    uncertainty, an interval or a covariance of one parameter calls this when it is made.
+    uncertainty, an interval or a covariance of one parameter calls this when it is made. Parts of a result
+    that was read have no status of their own (None): it is checked as a whole.
 
     Examples
     --------
@@ -110,10 +105,10 @@ def require_no_more_than(what: str, status: Status, **claims: object) -> None:
     >>> require_no_more_than("delta2", "unidentifiable", estimate=0.1)
     Traceback (most recent call last):
         ...
-    zerobeam.analysis.status.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
+    zerobeam.model.errors.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
     """
     claimed = [name for name, value in claims.items() if value is not None]
-    if claimed and not has_numbers(status):
+    if claimed and status is not None and not has_numbers(status):
         raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(claimed)}")
 
 

@@ -10,8 +10,8 @@ the others are judged with it as it would have to be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import field
+from typing import Annotated, Literal
 
 import numpy as np
 import scipy
@@ -19,6 +19,7 @@ import scipy
 from ..model.arrays import Index, Matrix
 from ..model.likelihood.geometry import ANGLES, BENDING
 from ..model.likelihood.parameters import Parameter
+from ..model.records import key, record, worded
 from .estimation.fit import LikelihoodFit
 from .status import LACK_OF_FIT
 
@@ -27,7 +28,7 @@ _HALVINGS = 60
 _LARGEST = 1e4  # times the stated tolerance
 
 
-@dataclass(frozen=True)
+@record
 class TightPrior:
     """A group of estimates against their tolerances: chi-squared `chi2` with `dof` degrees of freedom, the
     p-value by Bonferroni's bound over the groups that are tested.
@@ -37,7 +38,7 @@ class TightPrior:
     None where they differ. `largest` is the parameter that is furthest off, at `estimate`.
     """
 
-    kind: ClassVar[str] = "tight_prior"
+    kind: Literal["tight_prior"] = field(default="tight_prior", kw_only=True)
 
     of: str
     unit: str
@@ -48,8 +49,10 @@ class TightPrior:
     chi2: float
     dof: int
     p_value: float
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
+    @key("needed")
     def needed(self) -> float | None:
         return None if self.stated is None else self.times * self.stated
 

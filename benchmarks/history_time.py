@@ -25,7 +25,8 @@ from zerobeam.experiments.history.database import open_history
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.store import add, events, find_arm, results
 from zerobeam.model.files.run import read_run
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.model.records import dumps
+from zerobeam.words.sentences import to_json
 
 _AT_ONCE = 100
 _ASKED = 200

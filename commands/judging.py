@@ -69,9 +69,9 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         write_plan_page(picture, turned, checked)
     if as_json:
-        from ..words.result_json import check_json
+        from ..words.sentences import to_json
 
-        print_json(check_json(checked))
+        print_json(to_json(checked))
     else:
         print_check(out, checked)
         print_picture(picture)
@@ -96,7 +96,7 @@ def analyse(
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, options, tell)
     if as_json:
-        from ..words.result_json import to_json
+        from ..words.sentences import to_json
 
         print_json(to_json(analysis.result))
     else:
@@ -116,7 +116,7 @@ def report(
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_result
-    from ..words.result_json import to_json
+    from ..words.sentences import to_json
 
     recorded = _recorded(run, options.drop)
     check_target(folder)

@@ -16,8 +16,8 @@ from pydantic import Field
 
 from ..analysis.analyse import Sampling
 from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
-from ..analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than, versions
-from ..model.errors import BadInput
+from ..analysis.status import Status, Verdict, known, require_no_more_than, versions
+from ..model.errors import BadInput, UnsoundResult
 from ..model.files.json_document import JsonDocument
 from ..model.files.run import Run
 from ..model.kinematics.robot import Robot

@@ -6,7 +6,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from ..analysis.answer.document import CheckDocument, ResultDocument
+from ..analysis.answer.result import Result
+from ..analysis.observability.check import Check
+from ..model import records
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.header_file import PlantTolerances
@@ -36,9 +38,9 @@ FILE_SCHEMAS: dict[str, type[BaseModel]] = {
     "study-file": StudyFile,
 }
 # What zerobeam writes.
-_ANSWERS: dict[str, type[BaseModel]] = {
-    "result": ResultDocument,
-    "check": CheckDocument,
+_ANSWERS: dict[str, type] = {
+    "result": Result,
+    "check": Check,
     "compare": ComparisonDocument,
     "batch": BatchDocument,
     "history": HistoryDocument,
@@ -63,7 +65,7 @@ def json_schema(name: str) -> dict[str, Any]:
             allowed=", ".join(SCHEMA_NAMES),
             remedy=did_you_mean(name, SCHEMA_NAMES),
         )
-    schema = model.model_json_schema(by_alias=True)
+    schema = records.schema(model)
     identity = schema["properties"].get("schema", {})
     if name == "run-header":
         identity = {"const": RUN_SCHEMA}

@@ -30,7 +30,7 @@ from ..reports.style.blocks import Page, Verdict
 from ..words.findings import likelihood_message, posterior_message
 from ..words.message import message
 from ..words.next_steps import offered
-from ..words.result_json import to_json
+from ..words.sentences import to_json
 from ..words.wording import clipped, counted
 from .arguments import require_axes, require_kind, require_progress
 from .in_app import AppView, app_of, write_run_beside
@@ -358,7 +358,8 @@ class Analysed(Analysis):
 
     def to_json(self) -> dict[str, Any]:
         """The content of `result.json` (docs/files-results.md) as plain dicts, lists, numbers and text."""
-        return to_json(self.result)
+        answer: dict[str, Any] = to_json(self.result)
+        return answer
 
     def __repr__(self) -> str:
         return text(self._page(), offsets_table(self.result))

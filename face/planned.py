@@ -29,7 +29,7 @@ from ..words import numbers
 from ..words.geometry import check_lines
 from ..words.numbers import unit_of
 from ..words.plan_message import plan_message
-from ..words.result_json import check_json
+from ..words.sentences import to_json
 from ..words.verdict import tone_of
 from ..words.wording import clipped, counted, label
 from .arguments import require_plan, vector
@@ -117,7 +117,8 @@ class CheckedPlan(Check):
 
     def to_json(self) -> dict[str, Any]:
         """The answer of `zerobeam check --json` (docs/files-cell.md): plain dicts, lists, numbers, text."""
-        return check_json(self)
+        answer: dict[str, Any] = to_json(self)
+        return answer
 
     def __repr__(self) -> str:
         return text(self._page(), _table(self))

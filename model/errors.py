@@ -178,3 +178,9 @@ class RigFault(ZerobeamError):
     """
 
     exit_status = 3
+
+
+class UnsoundResult(ZerobeamError):
+    """An answer that claims more than the status of a parameter allows: a fault of the program."""
+
+    exit_status = 3

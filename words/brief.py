@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..analysis.answer.document import ReadResult
 from ..analysis.answer.message import Grade
+from ..analysis.answer.result import Result
 from . import numbers
 from .judgement import read_judgement
 from .provenance import is_simulated
@@ -29,7 +29,7 @@ def due_words(date: str, reason: str, *, overdue: bool) -> str:
     return f"{text}: {reason}" if reason else text
 
 
-def result_words(result: ReadResult) -> str:
+def result_words(result: Result) -> str:
     """The verdict's word, and how well the least well determined offset is known."""
     word = VERDICT_WORDS[result.verdict]
     if simulated(result):
@@ -47,12 +47,12 @@ def result_words(result: ReadResult) -> str:
     return f"{word}: U ≤ {numbers.spread(worst.value, numbers.unit_of(worst.unit))} ({name})"
 
 
-def result_tone(result: ReadResult) -> Grade:
+def result_tone(result: Result) -> Grade:
     """How it is coloured."""
     return read_judgement(result).grade
 
 
-def simulated(result: ReadResult) -> bool:
+def simulated(result: Result) -> bool:
     """Whether no robot was measured."""
     return is_simulated(result.inputs.provenance)
 

@@ -231,7 +231,7 @@ def robust_message(robust: Robust) -> str:
 
 def tcp_words(accuracy: TcpAccuracy, name: Namer = str) -> str:
     """What the point is whose accuracy is stated."""
-    match accuracy.place:
+    match accuracy.source:
         case "stated point":
             return "a point stated by the user"
         case "tool":

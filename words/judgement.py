@@ -8,9 +8,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..analysis.answer.document import ReadResult
 from ..analysis.answer.findings import Finding, HeldOutMisfit, OtherBasins, Outlying
 from ..analysis.answer.message import Grade, May
+from ..analysis.answer.result import Result
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.misfit import ExactDoubted
 from ..analysis.status import Verdict, known
@@ -68,7 +68,7 @@ def judgement(
     return Judgement(grade, May(enter=enter, certify=sound, export=sound), contradicted)
 
 
-def read_judgement(result: ReadResult) -> Judgement:
+def read_judgement(result: Result) -> Judgement:
     """Of a result.json: as it states it; of an earlier version by what its message says to do."""
     message = result.message
     contradicted = message is not None and _ENTER_NOTHING.match(message.action.text) is not None

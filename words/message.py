@@ -451,7 +451,7 @@ _SHARPEST = (NominalContradicted, *_DISPLACED, TightPrior)
 
 
 def _target(displaced: Displacement | RecordingStep) -> str:
-    return displaced.at.target if isinstance(displaced, Displacement) else displaced.target
+    return displaced.target
 
 
 def _sharpest(misfit: Misfit) -> Criterion:
@@ -553,12 +553,12 @@ def _mend(case: _Case) -> str:
             return mend(case.diagnosis[0])
         return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in questions)
     match _sharpest(case.misfit):
-        case Displacement(station=True, at=at):
+        case Displacement(station=True) as at:
             return (
                 f"Record the run again with {clipped(at.target)} and the arm's base fixed, or analyse the"
                 f" measurements up to {at.after_shot} and those from {at.before_shot} on each alone."
             )
-        case Displacement(at=at):
+        case Displacement() as at:
             return (
                 f"Give {clipped(at.target)} another name in the measurements from {at.before_shot} on, or"
                 " record the run again."
@@ -573,8 +573,8 @@ def _mend(case: _Case) -> str:
             return _ESTIMATE_LINKS
         case TightPrior() as prior:
             return larger_tolerance(prior)
-        case RunChange(at=at, elsewhere=elsewhere):
-            what = list(dict.fromkeys(map(_changed, (at, *elsewhere[: _MOST_ASKED - 1]))))
+        case RunChange(elsewhere=elsewhere) as at:
+            what = list(dict.fromkeys([_changed(at), *map(_changed, elsewhere[: _MOST_ASKED - 1])]))
             return f"Look for what changed {' or '.join(what)} during the run, and record the run again."
         case _ if case.diagnosis is None:
             return "Analyse the run: that says what could be wrong."
@@ -582,7 +582,7 @@ def _mend(case: _Case) -> str:
             return "Check joint columns, signs, units, targets and geometry, then measure again."
 
 
-def _changed(at: ChangeAt) -> str:
+def _changed(at: ChangeAt | RunChange) -> str:
     return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
 
 

@@ -96,13 +96,13 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             return displacement_sentence(criterion)
         case RecordingStep():
             return step_sentence(criterion)
-        case RunChange(at=at, p_value=p_value, elsewhere=elsewhere):
+        case RunChange(p_value=p_value, elsewhere=elsewhere):
             if not elsewhere:
-                return f"It seems that {change_words(at)} ({p_words(p_value)})"
+                return f"It seems that {change_words(criterion)} ({p_words(p_value)})"
             others = [change_words(one) for one in elsewhere[:_MOST_ALTERNATIVES]]
             return (
                 f"Something changed during the run ({p_words(p_value)}), and the measurements do not decide"
-                f" what: {', or '.join([change_words(at), *others])}"
+                f" what: {', or '.join([change_words(criterion), *others])}"
             )
 
 
@@ -157,8 +157,8 @@ def displacement_sentence(moved: Displacement) -> str:
         others.append(f"measurement {moved.alone} alone is wrong")
     doubt = f"; nearly as likely: {', or '.join(others)}" if others else ""
     return (
-        f"{_moving(moved.at.target, moved.station)} seems to have moved{_by(moved)} between measurements"
-        f" {moved.at.after_shot} and {moved.at.before_shot} (p {p_value}){doubt}"
+        f"{_moving(moved.target, moved.station)} seems to have moved{_by(moved)} between measurements"
+        f" {moved.after_shot} and {moved.before_shot} (p {p_value}){doubt}"
     )
 
 
@@ -178,7 +178,7 @@ def _by(moved: Displacement) -> str:
     return f" by {' and '.join(along)}" if along else ""
 
 
-def change_words(one: ChangeAt) -> str:
+def change_words(one: ChangeAt | RunChange) -> str:
     """What changed, when and by how much."""
     what = clipped(str(one.target)) if one.joint is None else f"the zero of J{one.joint}"
     amount = numbers.estimate(one.amount, one.std, numbers.unit_of(one.unit))

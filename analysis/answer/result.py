@@ -6,10 +6,16 @@ answer is None, and every None has one stated meaning.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+import re
+from dataclasses import field
+from typing import Annotated, Final, Literal
 
+from ...model.errors import UnsoundResult
 from ...model.instruments.kind import Instrument
 from ...model.instruments.registry import kinds_of
+from ...model.parsing.reading import shown
+from ...model.records import internal, it, read, record, worded
 from ..covariance import OffsetsWithoutPrior
 from ..diagnostics.accuracy import TcpAccuracy
 from ..diagnostics.budget import Budget
@@ -27,14 +33,17 @@ from ..observability.identifiability import Identifiability
 from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
-from ..solution import ParameterTable
-from ..status import UNVALIDATED, UnsoundResult, Verdict, as_grave, has_numbers, verdict_of
+from ..solution import ParameterResult, ParameterTable
+from ..status import UNVALIDATED, Verdict, as_grave, has_numbers, verdict_of
 from .findings import Finding
+from .message import Message
 
-RESULT_SCHEMA = "zerobeam/result/1"
+RESULT_SCHEMA: Final = "zerobeam/result/1"
+_SURROGATE = re.compile(r"\\u[dD][89abAB]")
+_ALONE = re.compile("[\ud800-\udfff]")
 
 
-@dataclass(frozen=True)
+@record(needed=("converged", "reason", "noise_scale", "chi2", "dof", "p_value"))
 class LikelihoodSummary:
     """The likelihood fit in numbers; `reason` is why the optimiser stopped.
 
@@ -43,42 +52,72 @@ class LikelihoodSummary:
     number is left over. `p_small` is that of residuals as small, of an arm without any deviation.
     """
 
-    converged: bool
-    reason: str
-    iterations: int
-    cost: float
-    rms_mm: float
-    rms_before_mm: float
-    rms_deg: float | None
-    rms_before_deg: float | None
-    chi2: float
-    dof: int
-    p_value: float | None
-    noise_scale: float | None
-    noise_known: bool
-    other_basins: int
-    p_small: float | None = None
+    converged: Annotated[bool, it("whether it has an answer")]
+    reason: Annotated[str, it("termination, in words")]
+    iterations: Annotated[int, it("how many")]
+    cost: Annotated[float, it("at the end")]
+    rms_mm: Annotated[float, it("of the residuals in lengths, millimetres")]
+    rms_before_mm: Annotated[float, it("the same without any offset, millimetres")]
+    rms_deg: Annotated[float | None, it("of the angles that a pose has, degrees")]
+    rms_before_deg: Annotated[float | None, it("the same without any offset, degrees")]
+    chi2: Annotated[float, it("of the normalised residuals")]
+    dof: Annotated[int, it("degrees of freedom")]
+    p_value: Annotated[
+        float | None, it("of χ²; null where the noise is estimated or no degree of freedom is left")
+    ]
+    noise_scale: Annotated[
+        float | None, it("the noise as a multiple of the stated one, where it is estimated")
+    ]
+    noise_known: Annotated[bool, internal]
+    other_basins: Annotated[int, it("number of other local optima")]
+    p_small: Annotated[
+        float | None,
+        it(
+            "p-value of residuals as small, the noise as stated, of an arm without any deviation; "
+            "null where the noise is estimated, and without an answer"
+        ),
+    ] = None
+    available: Annotated[bool, it("false where the cost is not defined for these data")] = True
+    message: Annotated[str | None, worded("what else is to be known, in words")] = field(
+        default=None, kw_only=True
+    )
 
 
-@dataclass(frozen=True)
+@record
 class MidpointSummary:
     """The paper's own fit (eq. 8). `available` is False where its cost is not defined for these data
-    (parallel beams, say); `unused` are targets that it could not use."""
+    (parallel beams, say). It has no χ²: what only the likelihood fit has is null."""
 
-    available: bool
-    converged: bool
-    reason: str
-    iterations: int
-    cost: float | None
-    rms_mm: float | None
-    message: str | None
+    available: Annotated[bool, it("false where the cost is not defined for these data")]
+    converged: Annotated[bool, it("whether it has an answer")]
+    reason: Annotated[str, it("termination, in words")]
+    iterations: Annotated[int, it("how many")]
+    cost: Annotated[float | None, it("at the end")]
+    rms_mm: Annotated[float | None, it("of the residuals in lengths, millimetres")]
+    message: Annotated[str | None, it("what else is to be known, in words")]
+    rms_before_mm: Annotated[None, it("not of this fit")] = None
+    rms_deg: Annotated[None, it("not of this fit")] = None
+    rms_before_deg: Annotated[None, it("not of this fit")] = None
+    chi2: Annotated[None, it("not of this fit")] = None
+    dof: Annotated[None, it("not of this fit")] = None
+    p_value: Annotated[None, it("not of this fit")] = None
+    noise_scale: Annotated[None, it("not of this fit")] = None
+    other_basins: Annotated[int, it("not of this fit")] = 0
 
     def __post_init__(self) -> None:
         if not self.available and (self.cost is not None or self.rms_mm is not None):
             raise UnsoundResult("the midpoint fit is not available, yet it has numbers")
 
 
-@dataclass(frozen=True)
+@record(needed=("likelihood",))
+class FitSummaries:
+    """The likelihood fit and the paper's."""
+
+    likelihood: Annotated[LikelihoodSummary, it("of the likelihood: the answer")]
+    midpoint: Annotated[MidpointSummary, it("of the paper (eq. 8)")]
+
+
+@record
 class DistanceResult:
     """A stated distance between two targets next to what the fit makes of it."""
 
@@ -89,7 +128,7 @@ class DistanceResult:
     std: float | None
 
 
-@dataclass(frozen=True)
+@record
 class AngleResult:
     """A stated angle between two planes, degrees, next to what the fit makes of it."""
 
@@ -100,7 +139,7 @@ class AngleResult:
     std: float | None
 
 
-@dataclass(frozen=True)
+@record
 class Inputs:
     """What the result was made from: enough to make it again."""
 
@@ -113,6 +152,11 @@ class Inputs:
     versions: dict[str, str]
     header: dict[str, object]
     vendor: str | None = None
+
+    def __post_init__(self) -> None:
+        for key in ("provenance", "noise", "tool"):
+            if not isinstance(self.header.get(key, {}), dict):
+                raise UnsoundResult(f"inputs.header.{key} is no mapping")
 
     @property
     def instruments(self) -> dict[str, type[Instrument]]:
@@ -139,7 +183,10 @@ class Inputs:
         return value if isinstance(value, dict) else {}
 
 
-@dataclass(frozen=True)
+@record(
+    kw_only=True,
+    needed=("verdict", "headline", "parameters", "fits", "posterior", "shots", "notes", "inputs"),
+)
 class Result:
     """The whole answer to a recorded run as data, in degrees and mm: what `result.json` and a report say.
 
@@ -199,34 +246,188 @@ class Result:
     (6, 'irb1600')
     """
 
-    verdict: Verdict
-    parameters: ParameterTable
-    identifiability: Identifiability
-    likelihood: LikelihoodSummary
-    midpoint: MidpointSummary
-    geometry: GeometryResult
-    posterior: PosteriorSummary
-    shots: tuple[ShotResult, ...]
-    distances: tuple[DistanceResult, ...]
-    angles: tuple[AngleResult, ...]
-    intervals: tuple[Intervals, ...]
-    accuracy: TcpAccuracy
-    budget: tuple[Budget, ...]
-    robust: Robust | None
-    hold_out: HoldOut | PredictedRun | None
-    placements: PlacementResult
-    scene: RunScene | None
-    misfit: Misfit | None
-    findings: tuple[Finding, ...]
-    inputs: Inputs
-    diagnosis: tuple[Explanation, ...] = ()
-    entered: Entered | None = None
-    entered_geometry: Entered | None = None
-    conformity: Conformity | None = None
-    power: tuple[DetectionPower, ...] = ()
-    coverage_factor: float = 2.0
-    without_prior: OffsetsWithoutPrior | None = None
-    taken_as_known: tuple[Basis, ...] = ()
+    schema: Annotated[Literal["zerobeam/result/1"], it("kind and version of the document")] = RESULT_SCHEMA
+    verdict: Annotated[
+        Verdict,
+        it(
+            "over all offsets; where the model does not describe the measurements, every parameter "
+            "that the data determine has the status `unvalidated`"
+        ),
+    ]
+    message: Annotated[
+        Message | None,
+        worded(
+            "what report, terminal, Python and app show first, in sentences: `verdict` (of a pass "
+            "with what it is subject to; with U and its coverage factor k; `Simulated:` of a "
+            "simulated run), `worst` (the least well determined offset: `name`, `value`, its expanded"
+            " uncertainty U, null where it is not determined, `unit`, `text`; null for a misfit), "
+            "`cause` (of a misfit its best explanation, of a degenerate run the mechanism, of a weak "
+            "one the limit, of a pass the evidence against it; else null), `action` (`text`, and "
+            "`command`, the command to type, or null), `cautions` (the gravest first), `basis` (what "
+            "was stated, and what was assumed with what it does to U), `grade` (`pass`, `weak`, "
+            "`degenerate`, `misfit`, `held`: how it is coloured; a pass that something speaks against"
+            " is `weak`, one of a simulated run `held`), `may` (`enter`, `certify`, `export`: what "
+            "may be done with it). Of a misfit it has nothing that follows from the wrong model"
+        ),
+    ] = None
+    coverage_factor: Annotated[
+        float,
+        it(
+            "k of every expanded uncertainty U = k u: 2, or Student's factor where the noise scale is"
+            " estimated and that is larger"
+        ),
+    ] = 2.0
+    headline: Annotated[str | None, it("the verdict in a sentence")] = None
+    parameters: Annotated[ParameterTable, it("a row each")]
+    without_prior: Annotated[
+        OffsetsWithoutPrior | None,
+        it("the identifiable offsets by the measurements alone, null where there is none"),
+    ] = None
+    identifiability: Annotated[Identifiability, it("rank, condition, null space")]
+    fits: Annotated[FitSummaries, it("null where a fit does not define a number")]
+    geometry: Annotated[
+        GeometryResult, it("tolerances, the model ladder, and the offsets with nominal geometry")
+    ]
+    posterior: Annotated[PosteriorSummary, it("of the sampling")]
+    shots: Annotated[
+        tuple[ShotResult, ...],
+        it(
+            "the measurements, a list of `shot`, `target`, `miss_mm` (residual: the lengths that were"
+            " read), `miss_deg` (the angles, empty without any), `length_mm` (length of `miss_mm`; of"
+            " several readings their root mean square), `whitened` (length of the normalised "
+            "residual), `leave_one_out` (length in mm of the leave-one-out residual, by a fit without"
+            " the measurement, of more than 300 measurements by one Newton step; null at leverage 1, "
+            "or if that fit failed), `cooks` (Cook's distance, by the same fit; null likewise)"
+        ),
+    ]
+    distances: Annotated[
+        tuple[DistanceResult, ...], it("a list of `between`, `mm`, `sigma_mm`, `estimate`, `std`")
+    ] = ()
+    angles: Annotated[
+        tuple[AngleResult, ...], it("a list of `between`, `deg`, `sigma_deg`, `estimate`, `std` (degrees)")
+    ] = ()
+    intervals: Annotated[
+        tuple[Intervals, ...],
+        it(
+            "the 95 % intervals by three methods, of offsets, tool and noise that are weak or where "
+            "two methods differ"
+        ),
+    ] = ()
+    accuracy: Annotated[
+        TcpAccuracy, it("of the TCP over the workspace, with nothing and with the values of `enter` entered")
+    ]
+    budget: Annotated[
+        tuple[Budget, ...],
+        it(
+            "the uncertainty budget by the GUM of each identifiable offset and tool parameter; empty "
+            "where the fit did not converge"
+        ),
+    ] = ()
+    robust: Annotated[Robust | None, it("of `--robust`, else null")]
+    hold_out: Annotated[
+        HoldOut | PredictedRun | None,
+        it(
+            "of `--hold-out`, else null; its numbers are null where there is no test: the fit did not"
+            " converge, or a target has no more numbers than coordinates"
+        ),
+    ]
+    placements: Annotated[
+        PlacementResult,
+        it("each placement as the others predict it, the jackknife, correlation and steps of the recordings"),
+    ]
+    scene: Annotated[
+        RunScene | None,
+        it(
+            "content of the 3D picture, null where the fit did not converge: `shots` (at most 60, "
+            "evenly over the run), `targets`, `radius2` (squared radius in standard deviations of the"
+            " 95 % ellipsoid of a position: 7.815, or 3 F(3, dof) where the noise scale is "
+            "estimated). A measurement: `shot`, `target`, `links` (points from the base over joints "
+            "and flange to laser or tip, mm, base frame), `beam_to` (the point of the beam nearest to"
+            " the target, null for a probe), `ahead` (false: the laser points away), `sights` (lines "
+            "to what other instruments measure, two points each). `outlines`: of planes and balls "
+            "`target` and `lines`. A target: `name`, `at_mm` (null: unidentifiable), `covariance_mm2`"
+            " (3 × 3, null if unidentifiable or held). Unidentifiable offsets and tool parameters are"
+            " shown at their prior means"
+        ),
+    ]
+    misfit: Annotated[Misfit | None, it("null, or why the model does not describe the measurements")]
+    diagnosis: Annotated[
+        tuple[Explanation, ...],
+        it("what explains a misfit, the best explanation first, empty where nothing does or there is none"),
+    ] = ()
+    enter: Annotated[
+        Entered | None,
+        it(
+            "the values that serve a controller with nominal geometry best, null where nothing may be"
+            " entered (`next_steps.enter` is empty)"
+        ),
+    ] = None
+    enter_geometry: Annotated[
+        Entered | None,
+        it(
+            "the same for what takes the links too (`export robot`, `urdf`): the estimates of the "
+            "offsets and links that are determined. Null of an exact arm"
+        ),
+    ] = None
+    conformity: Annotated[
+        Conformity | None,
+        it(
+            "null without `required` in the header, or without `enter`: `required_mm`, `tcp_95_mm` "
+            "(what 95 % of the workspace stays below with the values of `enter`, the middle of its "
+            "posterior), `probability` (that it is within the requirement), `decision` (`conforms`, "
+            "`does not conform`, `undecided`), `rule`"
+        ),
+    ] = None
+    power: Annotated[
+        tuple[DetectionPower, ...],
+        it(
+            "the probability with which such a run detects each wrong model, at the estimates. A pass"
+            " is subject to the absence of each that is `dangerous`, and `message.verdict` says so; "
+            "empty where nothing is tested, and of a misfit"
+        ),
+    ] = ()
+    taken_as_known: Annotated[
+        tuple[Basis, ...],
+        it(
+            "what the answer takes as known of tool, instruments and links besides the measurements, "
+            "whether the header states it or it is assumed"
+        ),
+    ] = ()
+    notes: Annotated[tuple[str, ...] | None, it("findings in sentences, the gravest first")] = None
+    next_steps: Annotated[
+        NextSteps | None,
+        it(
+            'the first page\'s "What to do": `enter`, the values to enter in the controller (`name`, '
+            "`value`, `expanded_u`, and `estimate`, the offset of the arm; rounded texts), empty "
+            "unless the verdict is `pass` and nothing speaks against it; `steps`, a list of `text` "
+            "and `commands`, the first of them the `action` of `message`"
+        ),
+    ] = None
+    inputs: Annotated[
+        Inputs,
+        it(
+            "`run`, `sha256`, `robot`, `shots`, `targets`, `seed`, `versions`, `header`, `vendor` (of"
+            " the robot, null where its file states none)"
+        ),
+    ]
+    findings: Annotated[tuple[Finding, ...], internal]
+    entered: Annotated[Entered | None, internal] = None
+    entered_geometry: Annotated[Entered | None, internal] = None
+
+    @property
+    def likelihood(self) -> LikelihoodSummary:
+        """The likelihood fit."""
+        return self.fits.likelihood
+
+    @property
+    def midpoint(self) -> MidpointSummary:
+        """The paper's fit."""
+        return self.fits.midpoint
+
+    @property
+    def offsets(self) -> tuple[ParameterResult, ...]:
+        """The rows of the joint offsets."""
+        return tuple(row for row in self.parameters if row.group == "offset")
 
     def __post_init__(self) -> None:
         needed = verdict_of(row.status for row in self.parameters if row.group == "offset")
@@ -234,6 +435,8 @@ class Result:
             raise UnsoundResult(
                 f"verdict {self.verdict!r}, but the statuses of its offsets make it {needed!r}"
             )
+        if self.verdict != "pass" and self.next_steps is not None and self.next_steps.enter:
+            raise UnsoundResult(f"the verdict is {self.verdict}, yet there are values to enter")
         if (self.verdict == "misfit") != (self.misfit is not None):
             raise UnsoundResult(f"verdict {self.verdict!r}, but misfit is {self.misfit}")
         if self.misfit is not None:
@@ -256,7 +459,7 @@ class Result:
                 unknown & {row.name for row in self.robust.parameters if row.estimate is not None},
                 "a robust estimate",
             )
-        if self.placements.jackknife is not None:
+        if self.placements is not None and self.placements.jackknife is not None:
             self._refuse(unknown & {row.name for row in self.placements.jackknife.offsets}, "a jackknife")
         if self.scene is not None:
             self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
@@ -273,7 +476,7 @@ class Result:
             )
 
 
-@dataclass(frozen=True)
+@record
 class EnteredValue:
     """What is to be entered of a joint: its `value` and expanded uncertainty U, and the `estimate` of
     the arm's offset, rounded, with units; `estimate` is None in results of earlier versions."""
@@ -284,7 +487,7 @@ class EnteredValue:
     estimate: str | None = None
 
 
-@dataclass(frozen=True)
+@record
 class NextStep:
     """A sentence, and the commands that do what it says."""
 
@@ -292,9 +495,27 @@ class NextStep:
     commands: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@record
 class NextSteps:
     """`enter` is empty where nothing may be entered; the first of the `steps` then says why."""
 
     enter: tuple[EnteredValue, ...]
     steps: tuple[NextStep, ...]
+
+
+@record
+class _Kind:
+    """What kind of document it is."""
+
+    schema: str | None = None
+
+
+def parse_result(text: str) -> Result:
+    """What a result.json says. ValueError says what is wrong where it is none, not whole, or contradicts
+    itself."""
+    if _SURROGATE.search(text):  # which pydantic refuses, although JSON may have one alone
+        text = _ALONE.sub("\ufffd", json.dumps(json.loads(text), ensure_ascii=False))
+    kind = read(_Kind, text).schema
+    if kind != RESULT_SCHEMA:
+        raise ValueError(f"schema {shown(kind)}")
+    return read(Result, text)

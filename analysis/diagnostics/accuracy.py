@@ -23,17 +23,18 @@ everywhere.) The arm's repeatability and its load are not in the numbers, nor is
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
 
 import numpy as np
 
 from ...model.arrays import Index, Matrix
+from ...model.errors import UnsoundResult
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, record, worded
 from ..error_radius import radius95, radius95_about
 from ..observability.causes import Cause
 from ..solution import Solution
-from ..status import UnsoundResult
 from .enter import controller_arm, values_to_enter
 from .tcp_positions import (
     TcpSource,
@@ -105,7 +106,7 @@ class Map:
     after95_mm: LevelMap
 
 
-@dataclass(frozen=True)
+@record
 class TcpAccuracy:
     """The TCP's accuracy over the workspace.
 
@@ -116,22 +117,54 @@ class TcpAccuracy:
     `sensitivity_mm2` (n, n), errors d of offsets move the TCP by the root of d' S d, rms of the workspace.
     """
 
-    point_mm: tuple[float, float, float]
-    place: TcpSource
-    workspace: Region | None
-    near_shots: Region | None
-    maps: tuple[Map, ...]
-    undetermined: tuple[str, ...]
-    weak: tuple[str, ...]
-    held: tuple[bool, ...]
-    causes: tuple[Cause | None, ...]
-    joints: int
-    converged: bool
-    sensitivity_mm2: Grid | None = None
+    point_mm: Annotated[tuple[float, float, float], it("the TCP in the flange frame, millimetres")]
+    source: Annotated[TcpSource, internal]
+    workspace: Annotated[
+        Region | None,
+        it(
+            "over the limits of the joints: `postures`, and each as `median` and `worst` `before_mm` "
+            "(error with nothing entered), `before_std_mm` (its std at those two postures), "
+            "`after95_mm` (radius that contains the error with 95 % probability once the values of "
+            "`enter` are entered), `after_rms_mm` (expected error); null where no accuracy is claimed"
+        ),
+    ]
+    near_shots: Annotated[
+        Region | None, it("the same over the ranges that the joints of the measurements span")
+    ]
+    maps: Annotated[
+        tuple[Map, ...],
+        it(
+            "two of the workspace, none where no accuracy is claimed: `plane` (`vertical`, "
+            "`horizontal`), `axes`, `cell_mm`, `corner_mm` (lowest corner), and grids, rows from "
+            "below: `postures` and `shots` (counts), `before_mm` and `after95_mm` (each `median` and "
+            "`worst`; null where no posture falls)"
+        ),
+    ]
+    undetermined: Annotated[
+        tuple[str, ...],
+        it("offsets that the TCP depends on and that are unidentifiable or held; empty otherwise"),
+    ]
+    weak: Annotated[tuple[str, ...], it("offsets that enter with a large std")]
+    held: Annotated[tuple[bool, ...], internal]
+    causes: Annotated[tuple[Cause | None, ...], internal]
+    joints: Annotated[int, internal]
+    converged: Annotated[bool, internal]
+    sensitivity_mm2: Annotated[
+        Grid | None,
+        it(
+            "a matrix S, a row and a column for each joint: errors d of the offsets (in their units) "
+            "move the TCP by √(d′ S d) mm, root mean square over the workspace; null where no "
+            "accuracy is claimed"
+        ),
+    ] = None
+    place: Annotated[str | None, worded("its description")] = field(default=None, kw_only=True)
+    reason: Annotated[str | None, worded("why there is no number, else null")] = field(
+        default=None, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         claimed = self.workspace is not None or self.near_shots is not None or bool(self.maps)
-        if claimed and (self.undetermined or not self.converged):
+        if claimed and (self.undetermined or self.converged is False):
             raise UnsoundResult("accuracy is claimed although it depends on what the data do not determine")
 
 
@@ -170,7 +203,7 @@ def accuracy(
         weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
     return TcpAccuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
-        place=location,
+        source=location,
         workspace=workspace,
         near_shots=near_shots,
         maps=maps,

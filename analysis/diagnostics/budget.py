@@ -14,12 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.likelihood.ties import Distance
+from ...model.records import internal, it, record
 from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
 from ..posterior.ends import Ends
 from ..posterior.posterior import PosteriorSummary
@@ -78,7 +79,7 @@ class LinearCheck:
         return _SURE * self.ends_std / max(min(self.tolerance, left), 1e-300)
 
 
-@dataclass(frozen=True)
+@record
 class Budget:
     """One parameter that the data determine: `std` is the combined standard uncertainty, as the result
     reports it.
@@ -87,15 +88,36 @@ class Budget:
     and covers 95 %. `check` is None without a converged posterior.
     """
 
-    name: str
-    unit: str
-    status: Status
-    std: float
-    rows: tuple[BudgetRow, ...]
-    dof: float | None
-    coverage_factor: float
-    expanded: float
-    check: LinearCheck | None
+    name: Annotated[str, it("of an identifiable offset or tool parameter")]
+    unit: Annotated[str, it("of its numbers")]
+    status: Annotated[Status, internal]
+    std: Annotated[float, it("combined standard uncertainty")]
+    rows: Annotated[
+        tuple[BudgetRow, ...],
+        it(
+            "the sources: the squares of `contribution` (with its sign) add up to `std` squared. "
+            "`kind` and `of`: `joint` (its number), `spot`, `prior` (the parameter), `target` (its "
+            "three coordinates), `distance` (the two targets), `noise factors` (their effect on the "
+            "weights), `curvature` (of the log-posterior beyond Fisher's information). `type`: `A` "
+            "(from the residuals of this run) or `B` (stated); `std` of one reading or stated number,"
+            " with its `unit` and `dof` (null: infinite); all null for the last two kinds. "
+            "`sensitivity`: contribution over std, in the unit of the parameter per `unit`, all "
+            "readings together; null where there is no std. `contribution`: a std in the unit of the "
+            "parameter, negative where it lowers the variance. `share`: of the variance"
+        ),
+    ]
+    dof: Annotated[float | None, it("effective degrees of freedom; null: infinite")]
+    coverage_factor: Annotated[float, it("k for 95 %")]
+    expanded: Annotated[float, it("k times `std`")]
+    check: Annotated[
+        LinearCheck | None,
+        it(
+            "against the posterior (JCGM 101, clause 8), null without one: `digits` (2, or 1 where "
+            "the Monte Carlo error is too large for 2), `tolerance`, `d_low`, `d_high` (differences "
+            "of the ends), `ends_std` (Monte Carlo standard error of the posterior's ends), "
+            "`validated` (null: inconclusive, Monte Carlo error too large)"
+        ),
+    ]
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, budget=self.std)

@@ -8,7 +8,8 @@ all that was tried (docs/mathematics.md). Nothing is applied.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ...model.arrays import Matrix
 from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, record, worded
 from ..observability.changes import RunChange
 from ..solution import Solution
 from .cause import Cause
@@ -48,7 +50,7 @@ _RIVALS_OF_LINKS: frozenset[Cause] = frozenset(
 )
 
 
-@dataclass(frozen=True)
+@record
 class Explanation:
     """What explains a misfit. `joints` (numbered from 1), `targets` and `measurements` are those concerned
     (of what changed during the run the last before and the first after). `amount` is what is added to a zero
@@ -66,22 +68,33 @@ class Explanation:
     single measurement of which one alone, if it was wrong, explains it.
     """
 
-    cause: Cause
-    joints: tuple[int, ...]
-    targets: tuple[str, ...]
-    measurements: tuple[int, ...]
-    amount: float
-    factor: float
-    before: float
-    farthest: float
-    farthest_before: float
-    freed: float
-    p_value: float
-    agrees: bool
-    of: str = ""
-    odds: float = 1.0
-    sources: tuple[tuple[int, str], ...] = ()
-    readings: tuple[Misreading, ...] = ()
+    cause: Annotated[Cause, it("its name")]
+    joints: Annotated[tuple[int, ...], it("from 1")]
+    targets: Annotated[tuple[str, ...], it("names")]
+    measurements: Annotated[
+        tuple[int, ...], it("their numbers; of a moved target the last before and the first after")
+    ]
+    amount: Annotated[float, internal]
+    factor: Annotated[float, it("the residual over the stated noise that it leaves")]
+    before: Annotated[float, internal]
+    farthest: Annotated[float, internal]
+    farthest_before: Annotated[float, internal]
+    freed: Annotated[float, internal]
+    p_value: Annotated[float, internal]
+    agrees: Annotated[bool, it("whether that agrees with the noise")]
+    of: Annotated[str, internal] = ""
+    odds: Annotated[float, it("its evidence over that of the best explanation: 1 of the first")] = 1.0
+    sources: Annotated[tuple[tuple[int, str], ...], internal] = ()
+    readings: Annotated[
+        tuple[Misreading, ...],
+        it(
+            "of a single measurement: the values of which one alone, if it is wrong, explains it, the"
+            " likeliest first, each within 20 : 1 of it. `joint` from 1; `fitted`, with the standard "
+            "uncertainty `u`, agrees with the other measurements; `meant` differs from `recorded` by "
+            "one slip, or null"
+        ),
+    ] = ()
+    sentence: Annotated[str | None, worded("the same in words")] = field(default=None, kw_only=True)
 
     @property
     def links_of_an_exact_arm(self) -> bool:

@@ -20,13 +20,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.header import StatedRequirement
 from ...model.likelihood.problem import Problem
+from ...model.records import it, record
 from ..recordings.recordings import drawn_by_covariance
 from ..solution import Solution
 from ..status import known
@@ -63,7 +64,7 @@ class TcpError:
     median_band_mm: tuple[float, float]
 
 
-@dataclass(frozen=True)
+@record
 class Entered:
     """What to enter into a controller with `of` geometry, by name, deg (mm), and the standard uncertainty `u`
     of each: how far it may be from what would serve this arm best. A controller with nominal geometry takes
@@ -74,12 +75,43 @@ class Entered:
     and with these. All are None where the TCP depends on an offset that the data do not determine.
     """
 
-    of: TakenGeometry
-    values: dict[str, float]
-    u: dict[str, float]
-    tcp_before: TcpError | None
-    tcp_after: TcpError | None
-    worse: float | None = None
+    of: Annotated[
+        TakenGeometry,
+        it(
+            "the geometry that takes the values: that of a controller, or that of a file with links",
+            name="for",
+        ),
+    ]
+    values: Annotated[
+        dict[str, float],
+        it(
+            "by offset, degrees or millimetres: the least expected squared error of flange and TCP in"
+            " front of the arm; the estimates for `geometry`, and of an arm that is taken as exact"
+        ),
+    ]
+    u: Annotated[
+        dict[str, float],
+        it(
+            "the standard uncertainty of each: how far it may be from the value that would serve this"
+            " arm best"
+        ),
+    ]
+    tcp_before: Annotated[
+        TcpError | None,
+        it(
+            "`median_mm` and `p95_mm` of the TCP's error over postures and posterior with nothing "
+            "entered, and `median_band_mm`, 95 % of this arm's median; null where the TCP depends on "
+            "an offset that is not determined"
+        ),
+    ]
+    tcp_after: Annotated[TcpError | None, it("the same with the values entered")]
+    worse: Annotated[
+        float | None,
+        it(
+            "the probability that the TCP's error, root mean square, is larger with them than with "
+            "nothing entered; above 0.05 it is a caution"
+        ),
+    ] = None
 
     @property
     def doubtful(self) -> bool:

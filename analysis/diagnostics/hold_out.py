@@ -9,8 +9,9 @@ noise or unmodelled error."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from typing import Annotated
 
 import numpy as np
 
@@ -18,11 +19,12 @@ from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, key, record, worded
 from ..estimation.fit import fit_likelihood, modes, unbiased_weight
 from ..observability.gauges import ROUNDING, information_root
 from ..placements import Placement, placements
 from ..recordings.recordings import Effective
-from ..recordings.steps import RecordingSteps
+from ..recordings.steps import RecordingStep, RecordingSteps
 from ..solution import Solution
 from ..status import has_numbers
 from .prediction import p_value, predicted, settled
@@ -35,7 +37,7 @@ _SETTLED = (
 )
 
 
-@dataclass(frozen=True)
+@record
 class HoldOut:
     """The residuals at held-out placements, with offsets and tool from the other placements.
 
@@ -46,21 +48,34 @@ class HoldOut:
     without these targets did not converge, for which `failure` is the optimiser's reason.
     """
 
-    targets: tuple[str, ...]
-    placements: tuple[str, ...]
-    shots: int
-    shots_fitted: int
-    rms_mm: float | None
-    rms_before_mm: float | None
-    expected_mm: float | None
-    chi2: float | None
-    dof: int | None
-    p_value: float | None
-    failure: str | None
-    rms_deg: float | None = None
-    expected_deg: float | None = None
+    targets: Annotated[tuple[str, ...], it("names of the held-out targets")]
+    placements: Annotated[tuple[str, ...], it("names of the held-out placements")]
+    shots: Annotated[int, it("number of their measurements")]
+    shots_fitted: Annotated[int, it("number of the measurements that were fitted")]
+    rms_mm: Annotated[
+        float | None, it("of the residuals there, with the offsets of the other measurements, millimetres")
+    ]
+    rms_before_mm: Annotated[float | None, it("the same without any offset, millimetres")]
+    expected_mm: Annotated[
+        float | None, it("`rms_mm` as expected from the noise and the uncertainty of the fit, millimetres")
+    ]
+    chi2: Annotated[float | None, it("of these residuals against the noise and the uncertainty of the fit")]
+    dof: Annotated[int | None, it("degrees of freedom")]
+    p_value: Annotated[float | None, it("of χ²")]
+    failure: Annotated[str | None, internal]
+    rms_deg: Annotated[float | None, internal] = None
+    expected_deg: Annotated[float | None, internal] = None
+    message: Annotated[str | None, worded("why there is no test, or null")] = field(
+        default=None, kw_only=True
+    )
 
     @property
+    @key("of a placement that was left out: its name")
+    def placement(self) -> str:
+        return ", ".join(self.placements)
+
+    @property
+    @key("the root of chi-squared over its degrees of freedom")
     def factor(self) -> float | None:
         """Root of chi-squared over its degrees of freedom."""
         return float(np.sqrt(self.chi2 / self.dof)) if self.chi2 is not None and self.dof else None
@@ -361,17 +376,70 @@ def _determined(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Mask
     return result
 
 
-@dataclass(frozen=True)
+@record
 class PlacementResult:
     """Placements by `names`; each left out in turn (None for one placement, or without an answer), the
     jackknife (None for less than three); correlation of the recordings, by which the measurements count, and
     their steps."""
 
-    names: tuple[str, ...]
-    leave_one_out: LeaveOneOut | None
-    jackknife: Jackknife | None
-    effective: Effective
-    steps: RecordingSteps
+    names: Annotated[tuple[str, ...], it("of the placements")]
+    leave_one_out: Annotated[LeaveOneOut | None, internal]
+    jackknife: Annotated[Jackknife | None, internal]
+    effective: Annotated[Effective, it("correlation of the measurements")]
+    steps: Annotated[RecordingSteps, internal]
+
+    @property
+    @key("each placement by the fit without it; empty with one placement", name="leave_one_out")
+    def left_out(self) -> tuple[HoldOut, ...]:
+        return () if self.leave_one_out is None else self.leave_one_out.rows
+
+    @property
+    @key("over the measurements of all placements, millimetres")
+    def leave_one_out_rms_mm(self) -> float | None:
+        return None if self.leave_one_out is None else self.leave_one_out.rms_mm
+
+    @property
+    @key("likewise, millimetres")
+    def leave_one_out_expected_mm(self) -> float | None:
+        return None if self.leave_one_out is None else self.leave_one_out.expected_mm
+
+    @property
+    @key(
+        "by offset name, the standard uncertainty by the delete-one-placement jackknife, in the "
+        "unit of the offset; null where the offset is unidentifiable without one of the "
+        "placements. No unidentifiable or held offset is in it. Null with fewer than three "
+        "placements",
+        name="jackknife",
+    )
+    def jackknife_u(self) -> dict[str, float | None] | None:
+        return None if self.jackknife is None else {row.name: row.u for row in self.jackknife.offsets}
+
+    @property
+    @key("the number of placements less 1")
+    def jackknife_dof(self) -> int | None:
+        return None if self.jackknife is None else self.jackknife.dof
+
+    @property
+    @key("by offset name, the placements without which it is unidentifiable")
+    def jackknife_needs(self) -> dict[str, tuple[str, ...]] | None:
+        return (
+            None
+            if self.jackknife is None
+            else {row.name: row.needs for row in self.jackknife.offsets if row.needs}
+        )
+
+    @property
+    @key(
+        "significant steps inside recordings, the clearest first",
+        name="steps",
+    )
+    def significant_steps(self) -> tuple[RecordingStep, ...]:
+        return self.steps.rows
+
+    @property
+    @key("number of recordings that are long enough to be tested")
+    def steps_tested(self) -> int:
+        return self.steps.tested
 
 
 def placement_result(solution: Solution, effective: Effective) -> PlacementResult:

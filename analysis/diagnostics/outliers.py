@@ -4,17 +4,19 @@ the rest."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import scipy
 
 from ...model.arrays import Matrix
+from ...model.errors import UnsoundResult
+from ...model.records import internal, it, record, worded
 from ..estimation.fit import LikelihoodFit, fit_likelihood
 from ..estimation.robust import Loss, fit_robust, outlying
 from ..solution import ParameterResult, Solution
-from ..status import Status, UnsoundResult, require_no_more_than
+from ..status import Status, require_no_more_than
 
 OUTLYING = 1e-3  # p-value, over all measurements together, of an outlying residual
 FEWEST_VALUES = 15  # from here on the level of `outlying_values` holds (Rosner 1983, table 3)
@@ -23,17 +25,23 @@ _SIGNIFICANT = 1e-3  # of a single outlier, after Bonferroni's correction
 _MEDIAN_WORTH = 0.48  # a scale from the median is as good as one from so large a share of the numbers
 
 
-@dataclass(frozen=True)
+@record
 class RobustParameter:
     """One parameter of a robust fit; `std` and `interval95` are None without a sandwich covariance, all
     three where the data do not determine the parameter (UnsoundResult otherwise)."""
 
-    name: str
-    unit: str
-    status: Status
-    estimate: float | None
-    std: float | None
-    interval95: tuple[float, float] | None
+    name: Annotated[str, it("of the parameter")]
+    unit: Annotated[str, it("of its numbers")]
+    status: Annotated[Status, internal]
+    estimate: Annotated[float | None, it("null where it is unidentifiable")]
+    std: Annotated[
+        float | None,
+        it(
+            "by a sandwich covariance, from the residuals as they are; null where it is "
+            "unidentifiable, and with a measurement of leverage 1"
+        ),
+    ]
+    interval95: Annotated[tuple[float, float] | None, it("by the same covariance; null likewise")]
 
     def __post_init__(self) -> None:
         require_no_more_than(
@@ -43,7 +51,7 @@ class RobustParameter:
             raise UnsoundResult(f"{self.name!r} has a std without an estimate")
 
 
-@dataclass(frozen=True)
+@record
 class Robust:
     """A fit in which a large residual weighs less: `loss` with its `tuning` (Huber's threshold in stds,
     Student's nu), `weights` of the measurements in their order, `outliers` the numbers of those beyond
@@ -53,15 +61,36 @@ class Robust:
     unknowns.
     """
 
-    loss: Loss
-    tuning: float
-    converged: bool
-    reason: str
-    noise_scale: float | None
-    parameters: tuple[RobustParameter, ...]
-    weights: tuple[float, ...]
-    outliers: tuple[int, ...]
-    with_uncertainty: bool
+    loss: Annotated[Loss, it("the loss function")]
+    tuning: Annotated[
+        float,
+        it(
+            "of `huber` the normalised residual beyond which the weight falls; of `student` the "
+            "degrees of freedom"
+        ),
+    ]
+    converged: Annotated[bool, it("whether the weights converged; if not, no parameter has a number")]
+    reason: Annotated[str, it("termination, in words")]
+    noise_scale: Annotated[
+        float | None,
+        it(
+            "the noise as a multiple of the stated one, from the median residual; null unless "
+            "`noise.scale: estimated`"
+        ),
+    ]
+    parameters: Annotated[tuple[RobustParameter, ...], it("by the robust fit")]
+    weights: Annotated[
+        tuple[float, ...],
+        it(
+            "of the measurements, in the order of `shots`: with 1 a measurement counts as in the "
+            "likelihood fit (Student: a little more than 1 for a small residual)"
+        ),
+    ]
+    outliers: Annotated[
+        tuple[int, ...], it("numbers of the outlying measurements, the largest residual first")
+    ]
+    with_uncertainty: Annotated[bool, internal]
+    message: Annotated[str | None, worded("the same in words")] = field(default=None, kw_only=True)
 
 
 def robust_result(solution: Solution, loss: Loss) -> Robust:

@@ -6,7 +6,8 @@ alone has are estimated from its measurements, and what they take up is no predi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ...model.files.run import Run
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, record, worded
 from ..estimation.fit import fit_likelihood
 from ..solution import Solution
 from .hold_out import known_factors
@@ -49,7 +51,7 @@ class PredictedMeasurement:
     u_mm: float
 
 
-@dataclass(frozen=True)
+@record
 class PredictedRun:
     """Another run, of the file `run`, as the fit predicts it.
 
@@ -61,29 +63,78 @@ class PredictedRun:
     the fit did not converge.
     """
 
-    run: str
-    sha256: str
-    targets: tuple[str, ...]
-    targets_placed: tuple[str, ...]
-    shots: int
-    shots_fitted: int
-    unknown: tuple[int, ...] = ()
-    taken_up: tuple[int, ...] = ()
-    rms_mm: float | None = None
-    median_mm: float | None = None
-    max_mm: float | None = None
-    rms_before_mm: float | None = None
-    median_before_mm: float | None = None
-    max_before_mm: float | None = None
-    expected_mm: float | None = None
-    u_mm: float | None = None
-    chi2: float | None = None
-    dof: int | None = None
-    p_value: float | None = None
-    measurements: tuple[PredictedMeasurement, ...] = ()
-    failure: str | None = None
-    rms_deg: float | None = None
-    expected_deg: float | None = None
+    run: Annotated[str, it("name of the other run")]
+    sha256: Annotated[str, it("of the other run")]
+    targets: Annotated[tuple[str, ...], it("of another run: its targets")]
+    targets_placed: Annotated[
+        tuple[str, ...],
+        it(
+            "targets that only the other run has: their positions are estimated from it, and the "
+            "components of the residuals that this takes up do not count"
+        ),
+    ]
+    shots: Annotated[int, it("of another run: number of its measurements")]
+    shots_fitted: Annotated[int, it("of another run: number of the measurements of the analysed run")]
+    unknown: Annotated[
+        tuple[int, ...],
+        it(
+            "numbers of the measurements whose prediction the data do not determine: its u is more "
+            "than 10 times their noise. They are in no other number"
+        ),
+    ] = ()
+    taken_up: Annotated[
+        tuple[int, ...],
+        it(
+            "numbers of the measurements of a target that has no more numbers than coordinates: there"
+            " is no prediction"
+        ),
+    ] = ()
+    rms_mm: Annotated[
+        float | None,
+        it(
+            "of another run: of the errors of the prediction, the lengths of the residuals at the "
+            "joint positions as recorded"
+        ),
+    ] = None
+    median_mm: Annotated[float | None, it("of the same errors, millimetres")] = None
+    max_mm: Annotated[float | None, it("of the same errors, millimetres")] = None
+    rms_before_mm: Annotated[
+        float | None,
+        it(
+            "of another run: with nominal joints and links, targets and free tool fitted to the "
+            "analysed run, millimetres; null where that fit did not converge"
+        ),
+    ] = None
+    median_before_mm: Annotated[float | None, it("likewise, millimetres")] = None
+    max_before_mm: Annotated[float | None, it("likewise, millimetres")] = None
+    expected_mm: Annotated[
+        float | None, it("of another run: `rms_mm` as expected from the noise and `u_mm`, millimetres")
+    ] = None
+    u_mm: Annotated[
+        float | None,
+        it(
+            "root mean square of the standard uncertainties of the predictions, without the noise, "
+            "millimetres"
+        ),
+    ] = None
+    chi2: Annotated[
+        float | None, it("of these residuals against the noise and the uncertainty of the fit")
+    ] = None
+    dof: Annotated[int | None, it("degrees of freedom")] = None
+    p_value: Annotated[float | None, it("of χ²")] = None
+    measurements: Annotated[
+        tuple[PredictedMeasurement, ...],
+        it(
+            "of the other run: `shot`, `target`, `error_mm`, `before_mm`, `expected_mm` (null where "
+            "there is no prediction) and `u_mm`"
+        ),
+    ] = ()
+    failure: Annotated[str | None, internal] = None
+    rms_deg: Annotated[float | None, internal] = None
+    expected_deg: Annotated[float | None, internal] = None
+    message: Annotated[str | None, worded("why there is no test, or null")] = field(
+        default=None, kw_only=True
+    )
 
     @property
     def factor(self) -> float | None:

@@ -22,8 +22,7 @@ import numpy as np
 from scipy import special
 
 from ...model.arrays import Matrix
-from ...model.errors import BadInput
-from ..status import UnsoundResult
+from ...model.errors import BadInput, UnsoundResult
 from .importance import ENOUGH, MOST, Pass, about, effective, from_pass, normalised, over_passes, sampled
 from .smoother import Series, Smoothed, smooth
 

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...model.arrays import Matrix
-from ..status import UnsoundResult
+from ...model.errors import UnsoundResult
 
 
 @dataclass(frozen=True, eq=False)

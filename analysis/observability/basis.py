@@ -4,8 +4,8 @@ to the uncertainties."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby
+from typing import Annotated
 
 import numpy as np
 
@@ -13,21 +13,22 @@ from ...model.arrays import Mask, Matrix
 from ...model.files.header import Header
 from ...model.instruments.kind import Assumption
 from ...model.likelihood.problem import Problem
+from ...model.records import it, record
 from ..status import Status, has_numbers
 from .geometry import GeometryResult, Tolerance
 
 _VARIANCE = 1e-12  # of a tolerance: what the data know better is not known by it
 
 
-@dataclass(frozen=True)
+@record
 class Size:
     """How far something may be from what is taken as known: a standard deviation in its unit."""
 
-    std: Tolerance
-    unit: str
+    std: Annotated[Tolerance, it("standard deviation; of links a list, one for each")]
+    unit: Annotated[str, it("`deg` or `mm`")]
 
 
-@dataclass(frozen=True)
+@record
 class Basis:
     """One thing that is taken as known: a `part` (mounting, tip, frame, mount, reflector, links) of what has
     the label `of`, an instrument of that `kind`, or the arm.
@@ -38,16 +39,18 @@ class Basis:
     number).
     """
 
-    of: str
-    kind: str
-    part: str
-    stated: bool
-    keys: tuple[str, ...]
-    sizes: tuple[Size, ...]
-    offset: str | None = None
-    unit: str | None = None
-    u: float | None = None
-    u_if_exact: float | None = None
+    of: Annotated[str, it("label of the instrument, `tool`, or `arm`")]
+    kind: Annotated[str, it("of the instrument, or `arm`")]
+    part: Annotated[str, it("`mounting`, `tip`, `frame`, `mount`, `links`, or the name of a reflector")]
+    stated: Annotated[bool, it("whether the header says how well it is known; else that is assumed")]
+    keys: Annotated[tuple[str, ...], it("the keys of the header that say so")]
+    sizes: Annotated[
+        tuple[Size, ...], it("how well it is known, a list of `std` and `unit`; empty: it is taken as exact")
+    ]
+    offset: Annotated[str | None, it("the offset to which it does most, else null")] = None
+    unit: Annotated[str | None, it("of `u`")] = None
+    u: Annotated[float | None, it("standard uncertainty of that offset")] = None
+    u_if_exact: Annotated[float | None, it("the same, were it known exactly")] = None
 
 
 def bases(

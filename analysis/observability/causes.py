@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Annotated, Literal
 
 from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
+from ...model.records import internal, it, record, worded
 from ..status import Status
 
 MOST = 0.5  # of a variance that tolerances set: they are its reason
@@ -256,7 +257,7 @@ class Tried:
     measured: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class NullDirection:
     """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
     What has a tolerance has no part in it: it is known up to that, whatever the data say.
@@ -266,12 +267,38 @@ class NullDirection:
     Of the kind `optima` it is the way from the best local optimum to another, and `data_std` its length.
     """
 
-    combination: dict[str, float]
-    kind: Literal["exact", "noise", "optima"]
-    cause: Cause
-    data_std: float | None = None
-    slight: tuple[str, ...] = ()
-    tried: Tried | None = None
+    combination: Annotated[
+        dict[str, float],
+        it(
+            "weights in prior stds, the largest 1, of offsets, targets, a free tool and noise "
+            "factors; parameters with a tolerance take part in those of kind `optima` alone"
+        ),
+    ]
+    kind: Annotated[
+        Literal["exact", "noise", "optima"],
+        it("`optima`: the way to another local optimum that explains the data about as well"),
+    ]
+    cause: Annotated[Cause, internal]
+    data_std: Annotated[float | None, it("of the unit combination, in prior stds; null if exact")] = None
+    slight: Annotated[tuple[str, ...], internal] = ()
+    tried: Annotated[
+        Tried | None,
+        it(
+            "the remedy in numbers, null where none was tried or none helps: `how` (`replace` or "
+            "`add`: the posture of the number in `postures`, with `joint`, from 1, rotated by "
+            "`amount` in `unit` (deg or mm) and aimed again, in its place or as one more; `vary`: "
+            "these `postures`, all but those that stay `unchanged`, with `joint` rotated by −1/2, 1/2"
+            " and 0 times the `amount` in turn, and aimed again; `tolerances`: an `amount` of times "
+            "smaller), whether these are postures of what was `measured`, and `predicted`, by "
+            "parameter: its `name`, `unit`, standard uncertainty `before` (null where it is not "
+            "determined) and `after` the remedy, priors included, and the `tolerance` up to which it "
+            "is identified"
+        ),
+    ] = None
+    reason: Annotated[str | None, worded("the cause, in words")] = field(default=None, kw_only=True)
+    remedy: Annotated[str | None, worded("what would determine it, in words")] = field(
+        default=None, kw_only=True
+    )
 
 
 def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirection:

@@ -9,14 +9,15 @@ linear model, Bonferroni over all that is tested. A jump of a target has a test 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from dataclasses import field
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import scipy
 
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, record, worded
 from .biases import Linearised
 from .geometry import with_links
 
@@ -46,17 +47,25 @@ class ChangeAt(NamedTuple):
     unit: str
 
 
-@dataclass(frozen=True)
+@record
 class RunChange:
     """The clearest change of a run. `p_value` is that of one as clear among all that is tested;
     `elsewhere` are other joints, targets and ways that explain the residuals nearly as well (likelihood ratio
     within 20)."""
 
-    kind: ClassVar[str] = "change"
+    kind: Literal["change"] = field(default="change", kw_only=True)
 
-    at: ChangeAt
+    how: How
+    joint: int | None
+    target: str | None
+    after_shot: int
+    before_shot: int
+    amount: float
+    std: float
+    unit: str
     p_value: float
-    elsewhere: tuple[ChangeAt, ...]
+    elsewhere: Annotated[tuple[ChangeAt, ...], internal]
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 def change_limit(problem: Problem, rank: int = 1) -> float:
@@ -100,7 +109,7 @@ def _change(fit: Linearised) -> RunChange | None:
     if p_value >= SIGNIFICANT:
         return None
     best, near = tried[0], tried[0].score - 2 * np.log(_EXCLUDES)
-    return RunChange(best.of, p_value, tuple(row.of for row in tried[1:] if row.score > near))
+    return RunChange(*best.of, p_value, tuple(row.of for row in tried[1:] if row.score > near))
 
 
 class _Tried(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, cast
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
 from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, record, worded
 from ..covariance import Rows, frame, row_text
 from ..estimation.threads import one_blas_thread
 from ..status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, versions
@@ -43,6 +44,8 @@ _KNOWN = 1.0  # mm, deg: where a reflector or a tip is to less is no matter of t
 
 # "violated": the plan breaks its own constraints, whatever it would determine.
 PlanVerdict = Verdict | Literal["violated"]
+Planned = Literal["pass", "weak", "degenerate", "violated"]  # a plan has no misfit
+CHECK_SCHEMA: Final = "zerobeam/check/1"
 Condition = Literal[
     "limits", "behind", "beam_mm", "facing", "itself", "cell", "beam", "sight", "arm", "unfit"
 ]
@@ -82,7 +85,7 @@ class Violation:
         return self.condition in ("behind", "facing", "beam", "sight", "arm", "unfit")
 
 
-@dataclass(frozen=True)
+@record
 class CheckedParameter:
     """One unknown before the shots: the parameter `name` of a `group` (offset, geometry, target, tool, …),
     its numbers in its `unit` (deg, mm, or 1 of a noise factor).
@@ -93,17 +96,32 @@ class CheckedParameter:
     what the calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance.
     `tolerance_share` (0 to 1) is the part of the variance that tolerances set."""
 
-    name: str
-    unit: str
-    group: Group
-    status: Status
-    held: bool
-    data_std: float | None
-    std: float | None
-    prior_std: float
-    cause: Cause | None
-    tolerance_share: float | None = None
-    tolerated: bool = False
+    name: Annotated[str, it("of the parameter")]
+    unit: Annotated[str, it("as in a result")]
+    group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
+    status: Annotated[Status, it("what the data will determine")]
+    held: Annotated[bool, it("whether it is not estimated")]
+    data_std: Annotated[
+        float | None,
+        it(
+            "predicted standard uncertainty without prior; null for an infinite one (an exact gauge) "
+            "and for a held parameter"
+        ),
+    ]
+    std: Annotated[
+        float | None,
+        it(
+            "of measurements and prior together; null for an unidentifiable parameter, where it would"
+            " be the prior's, and for a held one"
+        ),
+    ]
+    prior_std: Annotated[float, it("standard deviation of the prior")]
+    cause: Annotated[Cause | None, internal]
+    tolerance_share: Annotated[float | None, it("as in a result")] = None
+    tolerated: Annotated[bool, internal] = False
+    reason: Annotated[str | None, worded("why it is not `identified`, else null")] = field(
+        default=None, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, std=self.std)
@@ -197,7 +215,7 @@ class PlanInputs:
     versions: dict[str, str]
 
 
-@dataclass(frozen=True)
+@record
 class Check:
     """The answer to `zerobeam check`, in degrees and mm.
 
@@ -237,19 +255,77 @@ class Check:
     True
     """
 
-    verdict: PlanVerdict
-    parameters: CheckedTable
-    identifiability: Identifiability
-    power: tuple[DetectionPower, ...]
-    geometry: GeometryResult
-    postures: tuple[CheckedPosture, ...]
-    curve: tuple[CurvePoint, ...]
-    over_target: OverTarget | None
-    advice: Advice | None
-    findings: tuple[PlanFinding, ...]
-    warnings: tuple[str, ...]
-    inputs: PlanInputs
-    aimed: AimedPlan = field(compare=False, repr=False)
+    schema: Annotated[Literal["zerobeam/check/1"], it("kind and version of the document")] = field(
+        default=CHECK_SCHEMA, kw_only=True
+    )
+    verdict: Annotated[Planned, it("`violated` where a posture breaks a constraint of the plan")]
+    parameters: Annotated[CheckedTable, it("a row each")]
+    identifiability: Annotated[Identifiability, it("as in a result")]
+    power: Annotated[
+        tuple[DetectionPower, ...],
+        it(
+            "the power of the χ² of a run against wrong models, as in a result. Empty where the noise"
+            " is estimated, or no degree of freedom is left"
+        ),
+    ]
+    geometry: Annotated[
+        GeometryResult,
+        it("as in a result: what the offsets will be worth if the arm deviates from nominal geometry"),
+    ]
+    postures: Annotated[
+        tuple[CheckedPosture, ...],
+        it(
+            "a list of `posture` (from 0), `target`, `off_mm` (distance from the target before the "
+            "wrist was rotated), `hit` (whether the wrist can bring the beam onto the target), "
+            "`violations`: a list of `posture` (from 0), `constraint` (`acceptance_deg`, `beam_mm`, "
+            "`margin_deg`, `obstacles`, `instrument`: it cannot measure there), `condition` "
+            "(`facing`, `beam_mm`, `limits`: too near to a joint limit, `itself`: the arm touches "
+            "itself, `cell`: the floor or a box, `beam`: a box is in its way, `sight`: a box is in "
+            "the line of sight, `arm`: a link of the arm is in the way of either: `at` from its axis,"
+            " `lowest` its radius, which is `assumed` where nothing states it, `unfit`: `why`, a "
+            "clause, is null else), the value `at`, `lowest` and `highest` allowed, in `unit` (null "
+            "for what is touched), `joint` (from 1; of `arm` the link that it moves, 0 the base), "
+            "`via` (from 0: an intermediate posture before the posture), `planned` (broken by the "
+            "posture as written, not with the wrist rotated onto the target)"
+        ),
+    ]
+    curve: Annotated[
+        tuple[CurvePoint, ...],
+        it(
+            "a list of `shots` (2, 3, …, in the plan's order) and `worst_std` (the largest std of an "
+            "offset with that many measurements, priors included)"
+        ),
+    ]
+    over_target: Annotated[
+        OverTarget | None,
+        it(
+            "the plan with its targets at random positions by their `sigma_mm`: `draws` (how many "
+            "positions), `hit` (share of the postures that can be rotated onto them), `worst_std` (of"
+            " each offset, the largest over the positions), `mounts`: also with reflectors, mounts "
+            "and tips at random places on the flange, by their sigma, of 50 mm and 30° where they are"
+            " only guessed; null where no target has both `guess_mm` and `sigma_mm` and no such place"
+            " is open. With `mounts` every predicted `std` is that at a typical place: the one whose "
+            "std are nearest to the root mean squares over 256"
+        ),
+    ]
+    advice: Annotated[
+        Advice | None,
+        it(
+            "the single change of the plan that lowers the largest std most: change `posture` (from "
+            "0) in `joint` (from 1) by `change_deg` (mm if prismatic; `unit`) and aim it again, as "
+            "one more measurement (`add` true) or in its place; `worst_std_before` (null where an "
+            "offset is not determined), `worst_std_after`. Null where the verdict is `pass` or no "
+            "single change helps much"
+        ),
+    ]
+    findings: Annotated[tuple[PlanFinding, ...], internal]
+    warnings: Annotated[tuple[str, ...], internal]
+    inputs: Annotated[PlanInputs, it("`plan`, `sha256`, `robot`, `versions`")]
+    aimed: Annotated[AimedPlan, internal] = field(compare=False, repr=False)
+    headline: Annotated[str | None, worded("the same in a sentence")] = field(default=None, kw_only=True)
+    notes: Annotated[tuple[str, ...] | None, worded("findings in sentences, violations first")] = field(
+        default=None, kw_only=True
+    )
 
     @property
     def worst(self) -> float | None:
@@ -315,7 +391,7 @@ class Check:
                 )
             )
         return cls(
-            verdict="violated" if violations else observable,
+            verdict=cast(Planned, "violated" if violations else observable),
             parameters=CheckedTable(rows),
             identifiability=facts,
             power=powers(judged, at, identified.facts.rank),

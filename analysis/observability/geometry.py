@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -22,10 +22,9 @@ from ...model.arrays import Matrix
 from ...model.files.header import Header
 from ...model.likelihood.geometry import Geometry
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, key, record
+from ..estimation.tolerance_factors import Factors
 from ..status import Status, has_numbers
-
-if TYPE_CHECKING:
-    from ..estimation.tolerance_factors import Factors
 
 TYPICAL_MM, TYPICAL_DEG = 0.3, 0.1  # of the links of industrial arms, as measured on ten of them
 
@@ -132,7 +131,15 @@ class Confounded:
     correlation: float
 
 
-@dataclass(frozen=True)
+@record
+class LinkTolerances:
+    """Tolerances of the links."""
+
+    length_mm: Annotated[Tolerance, it("of each length, millimetres: a number or a list")]
+    angle_deg: Annotated[Tolerance, it("of each angle, degrees: a number or a list")]
+
+
+@record
 class GeometryResult:
     """The geometry of an answer; offsets that the data do not determine have no numbers here.
 
@@ -145,15 +152,59 @@ class GeometryResult:
     most; likewise empty.
     """
 
-    stated: bool
-    length_mm: Tolerance
-    angle_deg: Tolerance
-    factors: Factors | None
-    ladder: tuple[Rung, ...]
-    consider: dict[str, float]
-    at_half: dict[str, float | None]
-    at_twice: dict[str, float | None]
-    confounded: tuple[Confounded, ...] = ()
+    stated: Annotated[bool, internal]
+    length_mm: Annotated[Tolerance, internal]
+    angle_deg: Annotated[Tolerance, internal]
+    factors: Annotated[
+        Factors | None,
+        it(
+            "with `scale: estimated` by what the data multiply the tolerances: `length`, `angle`, and"
+            " `log_u`, the standard uncertainty of the logarithm of each; else null"
+        ),
+    ]
+    ladder: Annotated[
+        tuple[Rung, ...],
+        it(
+            "the models that were tried, empty for nominal geometry: `rung` (`offsets`: nominal "
+            "geometry; `geometry`; `gravity`; `harmonics`), `parameters` (how many are free), "
+            "`held_out_rms_mm` (of the residuals at placements that the model has not seen; null with"
+            " one placement), `log_evidence`, `kept`"
+        ),
+    ]
+    consider: Annotated[
+        dict[str, float],
+        it(
+            "by offset name, the standard uncertainty if the offset is estimated with nominal "
+            "geometry and the arm has the considered tolerances (consider analysis); null where the "
+            "offset is unidentifiable"
+        ),
+    ]
+    at_half: Annotated[
+        dict[str, float | None],
+        it(
+            "by offset name, what `std` would be at half the tolerances; empty for nominal geometry; "
+            "null where the model does not describe the data"
+        ),
+    ]
+    at_twice: Annotated[dict[str, float | None], it("the same at twice the tolerances")]
+    confounded: Annotated[
+        tuple[Confounded, ...],
+        it(
+            "of each `offset` the geometry parameter, and the `parameter` of a free tool, with which "
+            "it has the largest `correlation`; empty for nominal geometry. The parameter itself may "
+            "be unidentifiable"
+        ),
+    ] = ()
+
+    @property
+    @key("as the header states it; null without the key `geometry`: the geometry is then nominal")
+    def tolerance(self) -> LinkTolerances | None:
+        return self.considered_tolerance if self.stated else None
+
+    @property
+    @key("the same, or 0.3 mm and 0.1° of all links where the header states none")
+    def considered_tolerance(self) -> LinkTolerances:
+        return LinkTolerances(self.length_mm, self.angle_deg)
 
 
 def geometry_result(

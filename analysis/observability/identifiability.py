@@ -18,7 +18,7 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from ...model.arrays import Mask, Matrix
 from ...model.instruments.kind import Assumption, Instrument
 from ...model.likelihood.parameters import Group, Parameter, Parameters
 from ...model.likelihood.problem import Problem
+from ...model.records import it, record
 from ..status import Status, known
 from .causes import (
     MOST,
@@ -191,7 +192,7 @@ def too_few_measurements(problem: Problem) -> Mechanism | None:
     return Mechanism(np.ones(len(parameters), dtype=bool), cause)
 
 
-@dataclass(frozen=True)
+@record
 class Identifiability:
     """Rank facts of the whitened, prior-scaled Jacobian (section 2 of the design).
 
@@ -199,11 +200,25 @@ class Identifiability:
     where the matrix is singular; the observability indices are 0 there.
     """
 
-    rank: int
-    size: int
-    condition: float | None
-    observability: dict[str, float | None]
-    null_space: tuple[NullDirection, ...]
+    rank: Annotated[
+        int,
+        it(
+            "number of directions in which the data say more than the prior, and of parameters with a"
+            " tolerance (geometry, a calibrated tool)"
+        ),
+    ]
+    size: Annotated[int, it("number of free parameters")]
+    condition: Annotated[
+        float | None,
+        it(
+            "largest over smallest singular value, the parameters with a tolerance eliminated; null "
+            "if singular"
+        ),
+    ]
+    observability: Annotated[
+        dict[str, float | None], it("`O1` … `O5` of the same singular values; 0 for a singular matrix")
+    ]
+    null_space: Annotated[tuple[NullDirection, ...], it("the undetermined directions")]
 
 
 @dataclass(frozen=True, eq=False)

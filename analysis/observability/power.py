@@ -11,14 +11,15 @@ largest (the consumer's risk of JCGM 106): what a fit leaves and what it moves a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from dataclasses import replace
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import scipy
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.problem import Problem
+from ...model.records import it, key, record
 from ..status import LACK_OF_FIT
 from .biases import Biases, revolute, tool_items
 from .changes import FEWEST, change_limit
@@ -56,7 +57,7 @@ _LOOKED_AT = 3  # joints, targets and directions of which the risk is worked out
 _PowerBy = Callable[[Matrix], Matrix]  # by the size over that of the row (k,)
 
 
-@dataclass(frozen=True)
+@record
 class DetectionPower:
     """A run notices a `wrong` model of this `size` (mm, deg, or 1: times the stated) with a `probability`.
 
@@ -72,14 +73,31 @@ class DetectionPower:
     sizes, and `worst_size` that size.
     """
 
-    wrong: WrongModel
-    size: float
-    unit: str
-    probability: float
-    off_u: float
-    joint: int | None = None
-    risk: float = 0.0
-    worst_size: float | None = None
+    wrong: Annotated[
+        WrongModel,
+        it(
+            "`tool`: a point of the tool is off by `size`, where the tool has a `sigma`, in the "
+            "direction that does most harm of those that are not noticed; `beam`: the direction of a "
+            "calibrated laser; `jump`: the zero of `joint`, chosen likewise, jumps halfway; `drift`: "
+            "the zero of `joint`, from the first measurement to the last; `backlash`: every joint is "
+            "off by that, one way or the other; `noise`: readings scatter so many times as much; "
+            "`arm`: the geometry is so many times its tolerance off; `moved`: a target, halfway "
+            "through its measurements or steadily; `reading`: one measurement at the spot"
+        ),
+    ]
+    size: Annotated[float, it("of the wrong thing")]
+    unit: Annotated[str, it("of `size`")]
+    probability: Annotated[float, it("that a run detects it")]
+    off_u: Annotated[float, it("the largest error of an offset by it, in the offset's u")]
+    joint: Annotated[int | None, it("from 1, else null")] = None
+    risk: Annotated[
+        float,
+        it(
+            "the probability that a run passes with an offset wrong by more than 4 u, the largest "
+            "over all sizes"
+        ),
+    ] = 0.0
+    worst_size: Annotated[float | None, it("that size")] = None
 
     @property
     def noticed(self) -> bool:
@@ -92,6 +110,7 @@ class DetectionPower:
         return not self.noticed and self.off_u >= HARMLESS
 
     @property
+    @key("whether `risk` is above 0.01")
     def dangerous(self) -> bool:
         """Whether a run may pass with offsets that it makes wrong: a pass is then subject to its absence."""
         return self.risk > MOST_RISK

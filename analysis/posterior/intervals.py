@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from ...model.records import internal, it, record
 from ..solution import Solution
 from ..status import Status, require_no_more_than
 from .posterior import PosteriorSummary
@@ -14,7 +15,7 @@ from .profiles import profile_ends
 _DIFFERS = 0.1  # of the width of an interval: by so much its ends may differ and still be the same
 
 
-@dataclass(frozen=True)
+@record
 class Intervals:
     """The 95 % intervals of one parameter by three methods, where they differ or the parameter is weak.
 
@@ -23,13 +24,19 @@ class Intervals:
     draws (None without a posterior). `differ` where an end is off by a tenth of the width or more.
     """
 
-    name: str
-    unit: str
-    status: Status
-    linear: tuple[float, float]
-    profile: tuple[float, float] | None
-    posterior: tuple[float, float] | None
-    differ: bool
+    name: Annotated[str, it("of an offset, tool or noise parameter")]
+    unit: Annotated[str, it("of its ends")]
+    status: Annotated[Status, internal]
+    linear: Annotated[
+        tuple[float, float], it("the `interval95` of the parameter, by the curvature at the mode")
+    ]
+    profile: Annotated[
+        tuple[float, float] | None, it("by the profile likelihood; null where an end was not found")
+    ]
+    posterior: Annotated[
+        tuple[float, float] | None, it("between the quantiles of the draws; null without a posterior")
+    ]
+    differ: Annotated[bool, it("whether an end is off by a tenth of the width or more")]
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, interval95=self.linear)

@@ -8,18 +8,20 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...model.arrays import Matrix, ShareDone
+from ...model.errors import UnsoundResult
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, record, worded
 from ..estimation.threads import threads
 from ..solution import Solution, undecided_names
-from ..status import Status, UnsoundResult, has_numbers, require_no_more_than
+from ..status import Status, has_numbers, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, Weights, weighted_ends
 from .profiles import profile_ends
@@ -96,7 +98,7 @@ class Agreement:
         return self.by is not None and self.off <= APART
 
 
-@dataclass(frozen=True)
+@record(needed=("converged", "message"))
 class PosteriorSummary:
     """Diagnostics of the sampling; `parameters` is None unless it converged.
 
@@ -105,19 +107,39 @@ class PosteriorSummary:
     `useless` says why nobody needs it, it was `omitted`, or the fit did not converge.
     """
 
-    converged: bool
-    drifts: bool
-    draws: int
-    ensembles: int
-    walkers: int
-    ess_min: float | None
-    rhat_max: float | None
-    acceptance: float | None
-    seconds: float
-    parameters: tuple[PosteriorParameter, ...] | None
-    agreement: Agreement | None = None
-    useless: Literal["nothing known", "little known", "misfit"] | None = None
-    omitted: Omitted | None = None
+    converged: Annotated[bool, it("whether the draws may be used")]
+    drifts: Annotated[bool, internal]
+    draws: Annotated[int, it("how many")]
+    ensembles: Annotated[int, it("independent ones")]
+    walkers: Annotated[int, it("of each ensemble")]
+    ess_min: Annotated[float | None, it("smallest effective sample size")]
+    rhat_max: Annotated[float | None, it("largest nested R-hat, of the ensembles")]
+    acceptance: Annotated[float | None, it("share of the proposed moves that were accepted")]
+    seconds: Annotated[float, it("that it took")]
+    parameters: Annotated[
+        tuple[PosteriorParameter, ...] | None,
+        it(
+            "null unless converged; nothing is sampled of a misfit, or where no parameter is "
+            "identifiable. A list of `name`, `unit`, `source` (`data`, or `prior` for an "
+            "unidentifiable parameter: the numbers are then those of its own prior), `mean`, `std`, "
+            "`q2_5`, `q50`, `q97_5`, `ess_bulk`, `ess_tail`, `rhat`, `mcse_mean`"
+        ),
+    ]
+    agreement: Annotated[
+        Agreement | None,
+        it(
+            "whether another method confirms the draws, null where they did not get so far: `by` "
+            "(`importance`: sampling weighted by the density, or `profile`: the profile likelihood; "
+            "null where neither serves), `pareto_k` of the weights and their effective `share`, and "
+            "`name`, the parameter whose 95 % interval of draws is off most, by `off` of its width "
+            "beyond chance. More than 0.05 is not converged"
+        ),
+    ] = None
+    useless: Annotated[Literal["nothing known", "little known", "misfit"] | None, internal] = None
+    omitted: Annotated[Omitted | None, internal] = None
+    message: Annotated[str | None, worded("why there are none, or why not, in words")] = field(
+        default=None, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         if self.parameters is not None and not self.converged:

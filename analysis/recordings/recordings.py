@@ -23,13 +23,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 import scipy
 
 from ...model.arrays import NORMAL_95, Index, Mask, Matrix
 from ...model.likelihood.problem import Problem, Whitened
+from ...model.records import it, key, record
 from ..estimation.fit import LikelihoodFit
 
 _NOTHING = 1e-18  # a correlation below rounding
@@ -245,7 +246,7 @@ class RecordingCorrelation:
     p_value: float | None
 
 
-@dataclass(frozen=True)
+@record
 class Effective:
     """The effective number of measurements: `shots` / `divisor`.
 
@@ -254,14 +255,23 @@ class Effective:
     positive correlation.
     """
 
-    recordings: tuple[RecordingCorrelation, ...]
-    shots: int
-    rho: float | None
-    kappa: float | None
-    p_value: float | None
-    divisor: float
+    recordings: Annotated[
+        tuple[RecordingCorrelation, ...],
+        it(
+            "consecutive measurements of one target: `target`, `first_shot`, `last_shot`, `shots`, "
+            "`rho` (lag-1 correlation of the normalised residuals, without bias; null where the "
+            "measurements do not determine it to ±0.5 with 95 %, or it is beyond ±0.98), `kappa` ((1 "
+            "+ ρ) / (1 - ρ)), `p_value` (one-sided; null with fewer than four measurements)"
+        ),
+    ]
+    shots: Annotated[int, it("number of all measurements")]
+    rho: Annotated[float | None, it("of all recordings together")]
+    kappa: Annotated[float | None, it("likewise")]
+    p_value: Annotated[float | None, it("likewise")]
+    divisor: Annotated[float, it("1 without clear evidence of a correlation")]
 
     @property
+    @key("`shots` / `divisor`: the effective number of measurements")
     def number(self) -> float:
         """How many independent measurements would say as much."""
         return self.shots / self.divisor

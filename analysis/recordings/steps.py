@@ -10,12 +10,13 @@ vectors.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
+from ...model.records import it, record, worded
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..status import LACK_OF_FIT
@@ -49,7 +50,7 @@ _RHO_STEP = 0.05
 _STANDS_OUT = 2.0
 
 
-@dataclass(frozen=True)
+@record
 class RecordingStep:
     """A run of measurements of one recording that are off together.
 
@@ -60,17 +61,30 @@ class RecordingStep:
     a ratio of root mean squares. Of a `station` it is the instrument that is off, relative to the base.
     """
 
-    kind: ClassVar[str] = "step"
+    kind: Annotated[Literal["step"], it("of the criterion")] = field(default="step", kw_only=True)
 
-    target: str
-    first_shot: int
-    last_shot: int
-    shots: int
-    shift_mm: tuple[float | None, ...]
-    size_mm: float | None
-    p_value: float
-    factor: float
-    station: bool = False
+    target: Annotated[str, it("its name")]
+    first_shot: Annotated[int, it("number of the first measurement")]
+    last_shot: Annotated[int, it("number of the last")]
+    shots: Annotated[int, it("how many")]
+    shift_mm: Annotated[
+        tuple[float | None, ...],
+        it(
+            "of the target against the rest of the recording, base frame, mm; null for an undetermined"
+            " component"
+        ),
+    ]
+    size_mm: Annotated[float | None, it("length of the shift, mm; null while a component is undetermined")]
+    p_value: Annotated[float, it("Holm-adjusted over the recordings; below 0.01")]
+    factor: Annotated[
+        float,
+        it(
+            "the root mean square of the shifted residuals over that of the others; a misfit from 2 on, if"
+            " the p-value is below 0.001"
+        ),
+    ]
+    station: Annotated[bool, it("whether it is an instrument that stands in the world")] = False
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
     def contradicts(self) -> bool:

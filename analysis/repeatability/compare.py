@@ -11,9 +11,10 @@ from typing import Literal, Self, TypeVar
 import numpy as np
 
 from ...model.arrays import Matrix, Progress
+from ...model.errors import UnsoundResult
 from ...model.files.run import Run
 from ..holm import holm
-from ..status import UnsoundResult, versions
+from ..status import versions
 from .consistency import (
     AgainstOthers,
     Consistency,

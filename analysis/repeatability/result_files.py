@@ -10,8 +10,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, parse_json, read_text
 from ...model.parsing.validation import LARGEST, SMALLEST
-from ..answer.document import ReadResult, from_json
-from ..answer.result import RESULT_SCHEMA
+from ..answer.result import RESULT_SCHEMA, Result, parse_result
 from ..misfit import LackOfFit
 from ..status import LACK_OF_FIT
 from .repeat import (
@@ -32,7 +31,7 @@ def read_result(path: Path, name: str) -> Repeat:
     text = read_text(path, LARGEST_RECORDING)[0]
     try:
         parse_json(text, file=path, line=1)  # refuses duplicate keys and NaN
-        return _of_result(from_json(text), name)
+        return _of_result(parse_result(text), name)
     except ValueError as error:
         raise BadInput(
             "this is not a whole result of zerobeam",
@@ -43,7 +42,7 @@ def read_result(path: Path, name: str) -> Repeat:
         ) from None
 
 
-def _of_result(result: ReadResult, name: str) -> Repeat:
+def _of_result(result: Result, name: str) -> Repeat:
     free = [row for row in result.offsets if not row.held]
     fit, inputs = result.fits.likelihood, result.inputs
     scale = _within(fit.noise_scale or 1.0)
@@ -73,7 +72,7 @@ def _of_result(result: ReadResult, name: str) -> Repeat:
         findings.append(SharedTolerances())
     when = inputs.provenance.get(WHEN)
     if result.misfit is not None:
-        findings.extend(StatedMisfit(criterion.sentence) for criterion in result.misfit.criteria)
+        findings.extend(StatedMisfit(criterion.sentence or "") for criterion in result.misfit.criteria)
     elif fit.p_value is not None and fit.p_value < LACK_OF_FIT:
         # A result of before there was a verdict for it.
         status = ["unvalidated" if one in ("identified", "weak", "assumed") else one for one in status]

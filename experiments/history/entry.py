@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
+from ...model.records import to_json
 from ...words.provenance import (
     DATE,
     KEYS,
@@ -32,7 +33,7 @@ from .content import (
 )
 
 if TYPE_CHECKING:
-    from ...analysis.answer.document import ReadResult
+    from ...analysis.answer.result import Result
 
 RESULT_FILE = "result.json"
 
@@ -76,7 +77,8 @@ def read_entry(
     if is_run(path):
         from ...analysis.analyse import analyse
         from ...model.files.run import read_run
-        from ...words.result_json import dumps, to_json
+        from ...model.records import dumps
+        from ...words.sentences import to_json
 
         run = read_run(path)
         origin = _origin(run.header.provenance, path, serial, when)
@@ -90,11 +92,11 @@ def read_entry(
 
 def entry_of(text: str, path: Path, serial: str | None = None, when: str | None = None) -> Entry:
     """The entry of the text of a result.json; `serial` and `when` as of `read_entry`."""
-    from ...analysis.answer.document import from_json
+    from ...analysis.answer.result import parse_result
 
     try:
         parsed(text)
-        result = from_json(text)
+        result = parse_result(text)
         origin = _origin(result.inputs.provenance, path, serial, when)
         return _entry(result, text, origin)
     except DAMAGED as error:
@@ -135,13 +137,13 @@ def _origin(provenance: Mapping[str, object], path: Path, serial: str | None, wh
     return _Origin(serial, moment(when, path), provenance_entry(provenance, KEYS[OPERATOR]), provenance)
 
 
-def _entry(result: ReadResult, text: str, origin: _Origin) -> Entry:
+def _entry(result: Result, text: str, origin: _Origin) -> Entry:
     """ValueError where the result is not a whole one."""
     inputs = result.inputs
     if not re.fullmatch("[0-9a-f]{64}", inputs.sha256):
         raise ValueError("inputs.sha256 is no SHA-256")
-    offsets = [checked_offset(row.to_json()) for row in result.offsets]
-    without_prior = None if result.without_prior is None else result.without_prior.to_json()
+    offsets = [checked_offset(to_json(row)) for row in result.offsets]
+    without_prior = None if result.without_prior is None else to_json(result.without_prior)
     if result.accuracy is None:
         raise ValueError("accuracy: Field required")
     sensitivity = result.accuracy.sensitivity_mm2

@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
-from ...analysis.answer.document import from_json
+from ...analysis.answer.result import parse_result
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...words.judgement import Judgement, read_judgement
@@ -420,7 +420,7 @@ def judgement_of(history: Database, sha256: str | None) -> Judgement | None:
     """What the result of a run is worth, by its result.json; None where that is missing or damaged."""
     try:
         ((_, text),) = documents(history, [] if sha256 is None else [sha256])
-        return read_judgement(from_json(text))
+        return read_judgement(parse_result(text))
     except (*DAMAGED, zlib.error):
         return None
 

@@ -128,7 +128,7 @@ class MadePlan:
 
     def as_json(self) -> dict[str, object]:
         """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
-        from ...words.result_json import check_json, power_json  # all documents of a result, slow to come
+        from ...words.sentences import to_json
 
         made, fewest, checked = self.proposal, self.fewest, self.checked
         offsets = [] if checked is None else [row for row in checked.parameters if row.group == "offset"]
@@ -143,14 +143,14 @@ class MadePlan:
             "predicted_std": {row.name: row.std for row in offsets},
             "units": {row.name: row.unit for row in offsets},
             **{name: None if made is None else getattr(made, name) for name in figures},
-            "power": [] if made is None else power_json(made.power),
+            "power": [] if made is None else to_json(made.power),
             "removed": self.removed,
             "tolerance": None if fewest is None else fewest.tolerance,
             "max_shots": None if fewest is None else fewest.most,
             "curve": [] if fewest is None else [{"shots": k, "worst_std": std} for k, std in fewest.curve],
             "limit": None if fewest is None else fewest.limit,
             "said": self.sentences,
-            "check": None if checked is None else check_json(checked),
+            "check": None if checked is None else to_json(checked),
         }
 
 

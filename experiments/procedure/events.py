@@ -9,7 +9,7 @@ from typing import ClassVar
 from ...analysis.answer.message import Message
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status, Verdict, require_no_more_than
-from ...words.result_json import geometry_document
+from ...words.sentences import to_json
 from .rig import RefusalReason, RefusedPosture
 
 
@@ -298,7 +298,7 @@ def event_json(event: RunEvent) -> dict[str, object]:
         content["schema"] = "zerobeam/carried/1"
     content |= asdict(event)
     if isinstance(event, Ended):
-        content["geometry"] = None if event.geometry is None else geometry_document(event.geometry).to_json()
+        content["geometry"] = None if event.geometry is None else to_json(event.geometry)
     if isinstance(event, MeasurementRecorded) and event.seconds is None:
         del content["seconds"]
     return content

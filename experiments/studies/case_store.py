@@ -10,10 +10,10 @@ from typing import Generic, TypeVar
 
 from pydantic import TypeAdapter
 
-from ...analysis.status import UnsoundResult, versions
+from ...analysis.status import versions
 from ...interruption import obey
 from ...model.arrays import Progress
-from ...model.errors import BadInput, NotWritten, located
+from ...model.errors import BadInput, NotWritten, UnsoundResult, located
 from ...model.files.journal import LineJournal
 from ...model.files.whole_file import Closing
 from ...model.parsing.reading import json_line, parse_json, shown

@@ -231,7 +231,7 @@ def _named(solution: Solution, explained: Sequence[Explanation]) -> tuple[str, t
     assert solution.misfit is not None
     for one in solution.misfit.criteria:
         if isinstance(one, RunChange):
-            return one.at.how, () if one.at.joint is None else (one.at.joint,), not one.elsewhere
+            return one.how, () if one.joint is None else (one.joint,), not one.elsewhere
         if isinstance(one, Displacement):
             return one.kind, (), not one.elsewhere and one.alone is None
     return "", (), False

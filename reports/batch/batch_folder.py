@@ -9,7 +9,7 @@ from pathlib import Path
 from ...experiments.batch import Batch, BatchDocument
 from ...model.errors import missing_extra
 from ...model.files.whole_file import write_whole
-from ...words.result_json import dumps
+from ...model.records import dumps
 from ...words.spreadsheet import csv_text
 from ..output.html import html
 from .batch_page import batch_page, uncertainty_picture

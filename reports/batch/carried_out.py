@@ -36,8 +36,9 @@ from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.likelihood.problem import Problem
+from ...model.records import dumps
 from ...words.message import headline, judged, message
-from ...words.result_json import dumps, to_json
+from ...words.sentences import to_json
 from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
 from ..run.inputs import when_and_serial

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
-from ...analysis.answer.document import from_json
+from ...analysis.answer.result import parse_result
 from ...analysis.status import known, versions
 from ...experiments.history.content import StoredResult
 from ...experiments.history.database import Database
@@ -24,6 +24,7 @@ from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from ...model.instruments.registry import kinds_of
+from ...model.records import dumps
 from ...words.judgement import Judgement, read_judgement
 from ...words.provenance import (
     CERTIFICATE_KEYS,
@@ -34,7 +35,6 @@ from ...words.provenance import (
     provenance_entry,
     traced,
 )
-from ...words.result_json import dumps
 from ..output.whole_folder import Kind, write_folder, write_page
 from ..verification.verification_folder import read_verification
 from .certificate_page import SIGNED, certificate_page
@@ -76,7 +76,7 @@ def certificate_json(
     else speaks against the result. What the data
     do not determine has no number.
     """
-    judged = read_judgement(from_json(json.dumps(answer)))
+    judged = read_judgement(parse_result(json.dumps(answer)))
     _require_certifiable(result, answer, judged)
     offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
     row = HistoryResult.of(result).to_json()

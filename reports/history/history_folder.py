@@ -23,7 +23,7 @@ from ...experiments.history.documents import (
 )
 from ...experiments.history.fleet_drift import fleet_drift
 from ...experiments.processes import side_by_side
-from ...words.result_json import dumps
+from ...model.records import dumps
 from ..output import whole_folder
 from ..output.whole_folder import LITTER, Kind, write_folder, write_page
 from .arm_page import ArmHistory, ArmState, arm_page, fleet_arm, headline, state_row

@@ -9,9 +9,9 @@ from ...analysis.status import Verdict
 from ...experiments.history.content import Arm, Event, StoredResult
 from ...experiments.history.documents import HISTORY_SCHEMA, HistoryEvent, HistoryResult, utc
 from ...model.files.json_document import JsonDocument
+from ...model.records import one_line
 from ...words import numbers
 from ...words.judgement import Judgement, verdict_words
-from ...words.result_json import one_line
 from ...words.wording import capital, clipped, counted, label, shown
 from ..style.blocks import Cell, Table, row_of, table_of
 

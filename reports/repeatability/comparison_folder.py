@@ -9,8 +9,8 @@ from pathlib import Path
 from ...analysis.repeatability.compare import (
     Comparison,
 )
+from ...model.records import dumps
 from ...words.comparison_json import COMPARE_SCHEMA, ComparisonDocument
-from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder, write_page
 from .comparison_page import comparison_page, runs_picture

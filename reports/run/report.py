@@ -7,8 +7,9 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
+from ...model.records import dumps
 from ...words.message import judged, message
-from ...words.result_json import dumps, to_json
+from ...words.sentences import to_json
 from ...words.wording import clipped, counted
 from ..output import whole_folder
 from ..output.posterior_file import write_posterior

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...experiments.studies.answer import SCHEMA, StudyAnswer, to_json
-from ...words.result_json import dumps
+from ...model.records import dumps
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder, write_page
 from .kinds import study_of, study_of_file

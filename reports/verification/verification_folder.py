@@ -12,8 +12,8 @@ from typing import Any
 from ...experiments.verification import ACCEPTANCE_SCHEMA, Verified, acceptance_json
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
+from ...model.records import dumps
 from ...words.acceptance import ACCEPTANCE_WORDS
-from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder, write_page
 from .verification_page import errors_picture, verification_page

@@ -14,7 +14,7 @@ from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.findings import likelihood_message, notes
 from zerobeam.words.message import headline
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 
 def rows(result):

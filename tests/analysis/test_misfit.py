@@ -36,9 +36,10 @@ from zerobeam.analysis.misfit import (
 )
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, judge, so_far, solve
-from zerobeam.analysis.status import UnsoundResult, verdict_of
+from zerobeam.analysis.status import verdict_of
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.arrays import Matrix
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run

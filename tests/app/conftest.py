@@ -18,8 +18,9 @@ from zerobeam.app.server.application import application
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.records import dumps
 from zerobeam.reports.output.posterior_file import write_posterior
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.words.sentences import to_json
 
 TOKEN = "open-sesame"
 OURS = {"X-Zerobeam": "1", "Authorization": f"Bearer {TOKEN}"}

@@ -20,7 +20,8 @@ import zerobeam as zb
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import write_run
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.model.records import dumps
+from zerobeam.words.sentences import to_json
 
 pytestmark = pytest.mark.browser
 

@@ -16,7 +16,7 @@ from pages import Page
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.face.pictures import Figure
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 OFFSETS = [f"delta{i}" for i in range(1, 7)]
 HOSTILE = "<script>alert(1)</script>"

@@ -9,7 +9,7 @@ import pytest
 
 import zerobeam as zb
 from zerobeam.words.plan_message import plan_message
-from zerobeam.words.result_json import check_json
+from zerobeam.words.sentences import to_json
 
 HEADER = {
     "robot": "irb1600",
@@ -35,7 +35,7 @@ def test_the_best_plan_is_checked(best: zb.OptimalPlan) -> None:
     assert best.plan.postures.shape == (20, 6)
     assert isinstance(best.check, zb.Check)
     assert best.check.verdict == "pass"
-    assert check_json(zb.check(best.plan)) == best.check.to_json()
+    assert to_json(zb.check(best.plan)) == best.check.to_json()
     assert repr(best) == repr(best.check)
     assert best.check._repr_html_() == best._repr_html_()
 

@@ -22,7 +22,8 @@ from made_once import made_once
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.model.records import dumps
+from zerobeam.words.sentences import to_json
 
 
 def demo_result(name: str) -> dict[str, Any]:
@@ -51,9 +52,16 @@ def a_result(
 
 def as_misfit(answer: dict[str, Any]) -> dict[str, Any]:
     """The same of a run that the model does not describe."""
-    criteria = [{"kind": "chi2", "sentence": "Residuals are 9 times the stated noise."}]
+    numbers = {"chi2": 405.0, "dof": 5, "p_value": 1e-80}
+    criteria = [{"kind": "chi2", **numbers, "sentence": "Residuals are 9 times the stated noise."}]
+    rows = [row | ({} if row["std"] is None else {"status": "unvalidated"}) for row in answer["parameters"]]
     steps = answer["next_steps"] | {"enter": []}
-    return answer | {"verdict": "misfit", "misfit": {"criteria": criteria}, "next_steps": steps}
+    return answer | {
+        "parameters": rows,
+        "verdict": "misfit",
+        "misfit": {"criteria": criteria},
+        "next_steps": steps,
+    }
 
 
 def write_result(path: Path, answer: dict[str, Any]) -> Path:

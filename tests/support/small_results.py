@@ -10,11 +10,13 @@ def small_result(
     offsets: Sequence[dict[str, Any]], fit: dict[str, Any] | None = None, **inputs: Any
 ) -> dict[str, Any]:
     """A passed result of these rows of offsets; `fit` and `inputs` are changes of those parts."""
-    absent = dict.fromkeys(("estimate", "std", "interval95"))
+    absent = dict.fromkeys(("estimate", "std", "interval95", "reason"))
     rows = [{"unit": "deg", "group": "offset", "held": False, **absent, **row} for row in offsets]
     for row in rows:
         if row["std"] is not None:
             row["interval95"] = [-1.0, 1.0]
+        if row["held"]:
+            row["reason"] = "the base frame"
     numbers = {"noise_scale": None, "chi2": 5.0, "dof": 5, "p_value": 0.5}
     return {
         "schema": "zerobeam/result/1",

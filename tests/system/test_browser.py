@@ -16,11 +16,12 @@ from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.records import dumps
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.run_scene import run_turnable
 from zerobeam.words import numbers
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.words.sentences import to_json
 from zerobeam.words.wording import label
 
 pytestmark = pytest.mark.browser

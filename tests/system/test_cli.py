@@ -25,10 +25,10 @@ from golden_files import assert_golden
 
 import zerobeam as package
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.status import UnsoundResult
 from zerobeam.commands import program
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.schema import SCHEMA_NAMES
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.header import RUN_SCHEMA
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem

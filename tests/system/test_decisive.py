@@ -28,18 +28,20 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import Check, check
 from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.solution import ParameterTable
-from zerobeam.analysis.status import Status, UnsoundResult
+from zerobeam.analysis.status import Status
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.records import dumps
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run import report as report_folder
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.reports.terminal.check import print_check
-from zerobeam.words.result_json import check_json, dumps, to_json
+from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
 
@@ -153,7 +155,7 @@ def claims_of_a_check(found: Check, untold: Untold) -> dict[str, list[str]]:
     rows = rows_of_terminal(caught.getvalue())
     assert {label(name) for name in untold} <= {row[0] for row in rows if row}
     return {
-        "json": list(claims_in_json(check_json(found), untold)),
+        "json": list(claims_in_json(to_json(found), untold)),
         "terminal": list(claims_in_rows(rows, untold)),
     }
 
@@ -299,7 +301,7 @@ def test_no_output_of_a_check_claims_what_its_plan_cannot_tell(
     assert told.status == 1
     assert told.json["verdict"] == "degenerate"
     found = check(read_plan(file))
-    assert check_json(found) == told.json
+    assert to_json(found) == told.json
     claims = claims_of_a_check(found, untold)
     assert not any(claims.values()), claims
 

@@ -247,4 +247,4 @@ def test_panda_2_with_its_geometry(run: Runs) -> None:
     assert abs(last - 325) <= 1
     # The block with both sockets slipped: a step of its recordings, and no target is said to have moved.
     moved = found.moved_target
-    assert moved is None or moved.at.target in named
+    assert moved is None or moved.target in named

@@ -30,7 +30,7 @@ from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.run.fit import fit_section
 from zerobeam.reports.style.blocks import Paragraph
 from zerobeam.words.fit import hold_out_sentences
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 Row = dict[str, Any]
 

@@ -15,16 +15,16 @@ from command_line import zerobeam
 from rich.console import Console
 
 import zerobeam as zb
-from zerobeam.analysis.answer.document import from_json
 from zerobeam.analysis.answer.findings import Finding, HeldOutMisfit, OtherBasins, Outlying
 from zerobeam.analysis.answer.message import May
-from zerobeam.analysis.answer.result import Result
+from zerobeam.analysis.answer.result import Result, parse_result
 from zerobeam.app.server.answers.history import history
 from zerobeam.app.server.answers.home import home
 from zerobeam.app.server.folder import Folder
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import read_run
+from zerobeam.model.records import dumps
 from zerobeam.reports.batch.carried_out import BatchRun, _row
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.console import VERDICT_STYLE
@@ -32,7 +32,7 @@ from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.words.judgement import judgement, read_judgement
 from zerobeam.words.message import judged, message
 from zerobeam.words.next_steps import next_steps
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.words.sentences import to_json
 
 pytest.importorskip("sqlalchemy")
 pytest.importorskip("cryptography")
@@ -149,10 +149,10 @@ def test_a_batch_counts_no_pass_that_nothing_is_to_be_entered_by(why: str | None
 def test_a_result_of_an_earlier_version_is_judged_by_what_it_says(why: str | None) -> None:
     result = replace(passed(), findings=() if why is None else (AGAINST[why],))
     answer = to_json(result)
-    stated = read_judgement(from_json(json.dumps(answer)))
+    stated = read_judgement(parse_result(json.dumps(answer)))
     assert stated == judged(result)
     del answer["message"]["grade"], answer["message"]["may"]
-    assert read_judgement(from_json(json.dumps(answer))) == stated
+    assert read_judgement(parse_result(json.dumps(answer))) == stated
 
 
 @pytest.mark.parametrize(

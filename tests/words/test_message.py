@@ -36,7 +36,7 @@ from zerobeam.reports.terminal.answers import print_result
 from zerobeam.words import numbers
 from zerobeam.words.message import _Case, _case, _message, _plan, judged, message, message_so_far
 from zerobeam.words.next_steps import next_steps
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 from zerobeam.words.wording import person
 
 GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])

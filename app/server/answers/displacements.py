@@ -15,7 +15,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ....analysis.answer.document import ReadResult
+from ....analysis.answer.result import Result
 from ....model.arrays import Mask, Matrix
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
@@ -68,7 +68,7 @@ class InWorkspace:
     skeletons: list[list[Vec]] | None
 
 
-def in_workspace(result: ReadResult, run: Path | None) -> InWorkspace:
+def in_workspace(result: Result, run: Path | None) -> InWorkspace:
     """What a picture of a result shows, as far as it is known; `run` is the file that it was made of."""
     if result.scene is None:
         return InWorkspace(tcp=None, tcp_map=None, tcp_why=None, residuals=None, skeletons=None)
@@ -94,7 +94,7 @@ def in_workspace(result: ReadResult, run: Path | None) -> InWorkspace:
 
 
 def _vectors(
-    result: ReadResult, run: Path | None, numbers: list[int]
+    result: Result, run: Path | None, numbers: list[int]
 ) -> tuple[list[TcpVector] | None, str | None]:
     """The displacement at the measurements of these numbers, and why it is not whole."""
     if run is None:
@@ -102,7 +102,7 @@ def _vectors(
             None,
             "The run of this result is not in the folder: its postures are not known.",
         )
-    if result.accuracy is None or result.accuracy.point_mm is None:
+    if not result.accuracy or not result.accuracy.point_mm:  # of an earlier version
         return None, "This result does not state a TCP."
     if result.verdict == "misfit":
         return None, "The model does not describe the measurements: no displacement of the TCP is known."
@@ -129,7 +129,7 @@ class _Offsets:
 
 
 def _displaced(
-    result: ReadResult, run: Run, joints: Matrix, point: Matrix
+    result: Result, run: Run, joints: Matrix, point: Matrix
 ) -> tuple[list[TcpVector] | None, str | None]:
     offsets = _offsets(result)
     at = _tcp(run, joints, point)
@@ -155,7 +155,7 @@ def _displaced(
     return vectors, f"{names} not determined, and moving the TCP: its displacement is not known{where}."
 
 
-def _offsets(result: ReadResult) -> _Offsets:
+def _offsets(result: Result) -> _Offsets:
     rows = result.offsets
     determined = np.array([row.status in ("identified", "weak") for row in rows])
     values = np.array(
@@ -167,7 +167,7 @@ def _offsets(result: ReadResult) -> _Offsets:
     return _Offsets(tuple(row.name for row in rows), values, undetermined, left, why)
 
 
-def _left(result: ReadResult, values: Mapping[str, float]) -> tuple[Matrix | None, str | None]:
+def _left(result: Result, values: Mapping[str, float]) -> tuple[Matrix | None, str | None]:
     """(n,) deg (mm) by which the offsets are off what is entered, as far as that is known."""
     entered = result.next_steps.enter if result.next_steps is not None else ()
     if not entered:

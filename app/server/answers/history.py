@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from ....analysis.answer.document import ReadResult
 from ....analysis.answer.message import Grade
+from ....analysis.answer.result import Result
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
@@ -136,7 +136,7 @@ def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
     return result.inputs.sha256, brief
 
 
-def _listed(path: Path) -> ReadResult:
+def _listed(path: Path) -> Result:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("too large to be listed: open it")
     return read_result(path)

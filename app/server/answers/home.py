@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
 
-from ....analysis.answer.document import ReadResult
+from ....analysis.answer.result import Result
 from ....analysis.status import Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA, Header, UrdfRef
@@ -139,7 +139,7 @@ class _Unread:
     later: bool = False
 
 
-_Part = _Facts | ReadResult | _Unread
+_Part = _Facts | Result | _Unread
 
 
 class _Reading:
@@ -232,7 +232,7 @@ def _is_report(reading: _Reading, result: str, runs: list[str]) -> bool:
     if not (root / result).with_name("report.html").is_file():
         return False
     read = reading.facts("result", result)
-    if not isinstance(read, ReadResult):
+    if not isinstance(read, Result):
         return True
     return read.inputs.sha256 in {sha256_of(root / run) for run in runs}
 
@@ -249,7 +249,7 @@ def _calibration(reading: _Reading, name: str, files: list[KindOfFile]) -> tuple
     if not any(isinstance(one, _Facts) for one in parts):
         parts += [reading.facts(kind, paths[kind][0]) for kind in ("run", "plan", "header") if paths[kind]]
     facts = [one for one in parts if isinstance(one, _Facts)]
-    results = [one for one in parts if isinstance(one, ReadResult)]
+    results = [one for one in parts if isinstance(one, Result)]
     robot, maker, model = _robot(reading.folder, facts, results, name)
     provenance = by_plain_key(results[0].inputs.provenance) if results else {}
     header: Mapping[str, Any] = results[0].inputs.header if results else {}
@@ -291,7 +291,7 @@ def _state(
         state: StateKind = late if facts.later else "unreadable"
         text = facts.why if facts.later else f"{PurePosixPath(file).name}: {facts.why}"
         return CalibrationState(kind=state, text=text, file=file)
-    if isinstance(facts, ReadResult):
+    if isinstance(facts, Result):
         verdict = facts.verdict
         return CalibrationState(kind=result_tone(facts), text=result_words(facts), verdict=verdict, file=file)
     if kind == "header":
@@ -316,7 +316,7 @@ def _result_of(reading: _Reading, run: str, results: list[str]) -> str | None:
     sha256 = sha256_of(reading.folder.root / run)
     for name in results:
         facts = reading.facts("result", name)
-        if isinstance(facts, ReadResult) and facts.inputs.sha256 == sha256:
+        if isinstance(facts, Result) and facts.inputs.sha256 == sha256:
             return name
     return None
 
@@ -332,7 +332,7 @@ def _planned(reading: _Reading, run: _Facts, plans: list[str], parts: list[_Part
 
 
 def _robot(
-    folder: Folder, facts: list[_Facts], results: list[ReadResult], name: str
+    folder: Folder, facts: list[_Facts], results: list[Result], name: str
 ) -> tuple[str | None, str | None, str | None]:
     """Name, maker and model of the arm, as far as they are stated."""
     declared = facts[0].robot if facts else results[0].inputs.header.get("robot") if results else None
@@ -405,7 +405,7 @@ def _read_run(path: Path) -> _Facts:
     )
 
 
-def _read_result(path: Path) -> ReadResult:
+def _read_result(path: Path) -> Result:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("the result is too large to be looked at here: open it")
     return read_result(path)

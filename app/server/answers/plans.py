@@ -31,7 +31,7 @@ from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.plan_message import plan_message
-from ....words.result_json import check_json
+from ....words.sentences import to_json
 from ....words.verdict import violation_words
 from ..folder import Folder
 from ..requests import NOWHERE, Content, Precondition, end_point, if_any, it, keyed, noted
@@ -243,7 +243,7 @@ def check(
         checked = check_plan(aimed.plan, aimed)
         message = plan_message(checked)
         offered = action_of_plan(checked, message.action)
-        content = {**check_json(checked), "message": message, "action": offered}
+        content = {**to_json(checked), "message": message, "action": offered}
         answer = CheckAnswer(**content, warnings=notes)
         if scene:
             answer = answer.model_copy(

@@ -21,7 +21,7 @@ from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
 from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
-from ....words.result_json import direction_document, parameter_document
+from ....words.sentences import to_json
 from ..folder import Folder
 from ..kept import Kept
 from ..requests import Content, Refused, end_point, it
@@ -85,7 +85,7 @@ def refit(
             solution = _without(fitted_run, without)
     before = {row.name: row for row in whole.parameters}
     offsets = [
-        parameter_document(row).to_json() | {"before": parameter_document(before[row.name]).to_json()}
+        to_json(row) | {"before": to_json(before[row.name])}
         for row in solution.parameters
         if row.group in ("offset", "tool") and not row.tolerated
     ]
@@ -104,7 +104,7 @@ def refit(
         "coverage_factor": solution.coverage_factor,
         "parameters": offsets,
         "lost": lost,
-        "null_space": [direction_document(one).to_json() for one in solution.null_space],
+        "null_space": [to_json(one) for one in solution.null_space],
         "misfit": list(map(criterion_sentence, solution.contradictions)),
     }
 

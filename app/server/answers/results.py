@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
-from ....analysis.answer.document import ReadResult, from_json
-from ....analysis.answer.result import RESULT_SCHEMA
+from ....analysis.answer.result import RESULT_SCHEMA, Result, parse_result
 from ....model.errors import BadInput
 from ....model.parsing.reading import parse_json, read_text
+from ....model.records import to_json
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
@@ -28,22 +28,22 @@ _MOST_FIGURES = 200
 _SHOWN = {
     *("name", "unit", "group", "status", "held", "estimate", "std", "interval95", "prior_std", "reason")
 }
-_SENTENCES = {"verdict", "message", "coverage_factor", "headline", "notes", "next_steps", "posterior"}
+_SENTENCES = ("verdict", "message", "coverage_factor", "headline", "notes", "next_steps")
 _SHOWN_OF_A_SHOT = ("shot", "target", "whitened", "leave_one_out", "cooks")
 
 _RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
 
 
-def read_result(path: Path) -> ReadResult:
+def read_result(path: Path) -> Result:
     """A result file; BadInput where it is none, not whole, too large, or contradicts itself."""
     return _RESULTS.of(path, _read)
 
 
-def _read(path: Path) -> ReadResult:
+def _read(path: Path) -> Result:
     text, _ = read_text(path, LARGEST_RESULT)
     try:
         parse_json(text, file=path, line=1)  # refuses duplicate keys and NaN
-        return from_json(text)
+        return parse_result(text)
     except (json.JSONDecodeError, RecursionError) as error:
         message = f"the file is no JSON, or cut off: {error}"
     except ValueError as error:
@@ -76,7 +76,8 @@ def result(folder: Folder, file: str) -> Content:
         "report": _called(folder, path.with_name("report.html"), beside),
         "posterior_file": _called(folder, path.with_name("posterior.nc"), beside),
         "files": [{"path": folder.called(file), "bytes": file.stat().st_size} for file in beside],
-        **content.model_dump(include=_SENTENCES),
+        **{name: to_json(getattr(content, name)) for name in _SENTENCES},
+        "posterior": {"converged": content.posterior.converged, "message": content.posterior.message},
         "action": None
         if content.message is None
         else to_json(action_of_result(folder, content.message.action, run)),
@@ -84,7 +85,7 @@ def result(folder: Folder, file: str) -> Content:
         "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
         "diagnosis": [row.sentence for row in content.diagnosis],
         "parameters": [
-            row.model_dump(include=_SHOWN)
+            {name: getattr(row, name) for name in _SHOWN}
             for row in content.parameters
             if row.group in ("offset", "tool", "noise")
         ],

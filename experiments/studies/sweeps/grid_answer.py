@@ -14,7 +14,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ....analysis.status import Status, UnsoundResult, Verdict, has_numbers, require_no_more_than
+from ....analysis.status import Status, Verdict, has_numbers, require_no_more_than
+from ....model.errors import UnsoundResult
 from ....model.likelihood.parameters import Group
 from ..answer import StudyAnswer
 from .study_file import Settings, SettingValues

@@ -370,7 +370,7 @@ def test_a_rival_that_explains_the_misses_leaves_no_moved_target() -> None:
     vars(moved)["whitened"] = fit.whitened._replace(residual=fit.whitened.residual + shift.reshape(-1))
     plain = displacement(moved)
     assert plain.significant
-    assert plain.at.before_shot in (7, 8)
+    assert plain.before_shot in (7, 8)
     rival = displacement(moved, 3 * shift.reshape(-1, 1))
     assert not rival.significant
     # A rival that is stated to be small, and one of another kind, do not take it.

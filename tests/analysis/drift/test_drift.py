@@ -12,9 +12,8 @@ from scipy.stats import norm
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, drift, mixture_interval
 from zerobeam.analysis.drift.importance import ENOUGH
 from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
-from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.arrays import Matrix
-from zerobeam.model.errors import BadInput
+from zerobeam.model.errors import BadInput, UnsoundResult
 
 FIVE = tuple(f"delta{joint}" for joint in range(2, 7))
 LOG_RATE = np.linspace(np.log(MEDIAN) - 8 * SPREAD, np.log(MEDIAN) + 8 * SPREAD, 6001)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
-from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.arrays import Matrix
+from zerobeam.model.errors import UnsoundResult
 
 NAMES = ("delta2", "delta3", "delta4")
 UNITS = dict.fromkeys(NAMES, "deg")

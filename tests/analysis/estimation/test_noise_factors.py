@@ -15,7 +15,7 @@ from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
 from zerobeam.analysis.estimation.noise_factors import _STEP, _quadratic, marginal_noise
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 TRUE = np.log([1.5, 0.7])
 WRIST = [0.0002] * 3 + [0.02] * 3  # deg: only the wrist errs, so that short beams are good ones

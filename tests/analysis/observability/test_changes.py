@@ -47,8 +47,8 @@ def test_a_jump_is_found_with_its_joint_its_place_and_its_size(plan: Plan) -> No
     late = (np.arange(12) >= 5) * 1.0
     found = run_change(*_at(solved(plan, course(plan, 3, 0.6, late))))
     assert found is not None
-    assert (found.at.how, found.at.joint, found.at.after_shot, found.at.before_shot) == ("jump", 3, 4, 5)
-    assert found.at.amount == pytest.approx(0.6, abs=4 * found.at.std)
+    assert (found.how, found.joint, found.after_shot, found.before_shot) == ("jump", 3, 4, 5)
+    assert found.amount == pytest.approx(0.6, abs=4 * found.std)
     assert "the zero of J3 jumped by 0.59" in criterion_sentence(found)
 
 

@@ -12,7 +12,7 @@ from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.likelihood import constraint, kernel
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.observability import reason
-from zerobeam.words.result_json import check_json
+from zerobeam.words.sentences import to_json
 from zerobeam.words.verdict import check_headline, check_notes
 
 
@@ -161,7 +161,7 @@ def test_no_compiler_is_asked_for(monkeypatch):
 
 
 def test_as_json():
-    answer = check_json(check(pattern_plan("x")))
+    answer = to_json(check(pattern_plan("x")))
     text = json.dumps(answer, allow_nan=False)
     assert answer["schema"] == "zerobeam/check/1"
     again = json.loads(text)

@@ -52,7 +52,7 @@ from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.observability import reason, remedy
-from zerobeam.words.result_json import check_json
+from zerobeam.words.sentences import to_json
 
 ARMS = ("exact", "typical", "typical, tool 1 mm and 0.5°")
 ROUGH_LASER = {**LASER, "sigma": {"shift_mm": 1.0, "tilt_deg": 0.5}}
@@ -456,6 +456,6 @@ def test_the_outlook_of_a_typical_arm() -> None:
 
 
 def test_the_document_has_what_measurements_must_determine_alone() -> None:
-    document = check_json(check(pattern_plan("x", geometry=None)))
+    document = to_json(check(pattern_plan("x", geometry=None)))
     for direction in json.loads(json.dumps(document))["identifiability"]["null_space"]:
         assert all(name.startswith(("delta", "psd")) for name in direction["combination"])

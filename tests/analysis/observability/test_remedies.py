@@ -44,7 +44,7 @@ from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.message import message_so_far
 from zerobeam.words.observability import direction_remedy, outlook_lines, reason
 from zerobeam.words.plan_message import plan_message
-from zerobeam.words.result_json import check_json
+from zerobeam.words.sentences import to_json
 
 ORDER = np.random.default_rng(0).permutation(7)
 RANGES = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
@@ -338,7 +338,7 @@ def test_the_numbers_are_in_the_documents() -> None:
     assert tried is not None
     (said,) = [
         each["tried"]
-        for each in check_json(answer)["identifiability"]["null_space"]
+        for each in to_json(answer)["identifiability"]["null_space"]
         if each["combination"].get("delta2") == 1.0
     ]
     assert (said["how"], said["joint"], said["amount"], said["unit"]) == ("vary", 1, 90.0, "deg")

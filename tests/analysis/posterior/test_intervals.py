@@ -29,7 +29,7 @@ from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.likelihood.kernel import compiled_at_once
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.findings import notes
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 HALF = float(stats.norm.ppf(0.975))
 

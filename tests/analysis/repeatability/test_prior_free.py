@@ -12,7 +12,8 @@ from example_results import x_pattern
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.accuracy import spread_postures, tool_point
 from zerobeam.analysis.repeatability.compare import compare
-from zerobeam.analysis.status import UnsoundResult, has_numbers
+from zerobeam.analysis.status import has_numbers
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.run import Run
 
 

@@ -104,7 +104,7 @@ def test_another_fifteenth_digit_is_no_other_result(history: Database, tmp_path:
     last_digits["without_prior"]["covariance"][0][1] = -1e-19
     last_digits["without_prior"]["covariance"][1][0] = -1e-19
     nearly["without_prior"]["covariance"] = first["without_prior"]["covariance"]
-    status["parameters"][1]["held"] = True
+    status["parameters"][1]["prior_std"] = 3.0
     covariance = a_result()
     covariance["without_prior"]["covariance"][0][0] *= 1 + 1e-7
     read = [entry(tmp_path, own) for own in (first, last_digits, nearly, status, covariance)]
@@ -133,11 +133,11 @@ def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path)
     assert not set(lost) & set(found.without_prior.names)
     claimed = a_result(demo="x-pattern")
     next(row for row in claimed["parameters"] if row["name"] == lost[0])["estimate"] = 0.1
-    with pytest.raises(BadInput, match="unidentifiable, yet it has a number"):
+    with pytest.raises(BadInput, match="is unidentifiable, yet it has a value"):
         entry(tmp_path, claimed)
     claimed = a_result(demo="x-pattern")
     claimed["without_prior"]["names"][0] = lost[0]
-    with pytest.raises(BadInput, match="names what is not determined"):
+    with pytest.raises(BadInput, match="cannot be determined"):
         entry(tmp_path, claimed)
 
 
@@ -150,7 +150,7 @@ def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path)
         (lambda own: own["inputs"].update(robot=None), "inputs.robot"),
         (lambda own: own["without_prior"]["covariance"][0].pop(), "inhomogeneous"),
         (lambda own: own["without_prior"].update(covariance=[[0.0] * 5] * 5), "covariance"),
-        (lambda own: own["parameters"][1].update(std=0.0), "above 0"),
+        (lambda own: own["parameters"][1].update(std=0.0), "is empty"),
         (lambda own: own["accuracy"].update(sensitivity_mm2=[[1.0]]), "sensitivity_mm2"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("serial"), "--serial"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("when"), "--when"),

@@ -12,7 +12,7 @@ from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.parsing.confinement import TOLERANCES, confined
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 HEADER = """\
 robot: irb1600

@@ -14,10 +14,11 @@ from zerobeam.experiments.batch import Batch, BatchDocument, BatchOffset, BatchR
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
+from zerobeam.model.records import dumps
 from zerobeam.reports.batch import carried_out
 from zerobeam.reports.batch.batch_page import batch_page, uncertainty_picture
 from zerobeam.reports.batch.carried_out import batch
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (run.path for run in demo_runs())
 SETTINGS = BatchSettings(seed=0, ess=100.0, sampling="never", report=False)

@@ -43,7 +43,7 @@ from zerobeam.reports.history.certificate_page import certificate_page
 from zerobeam.reports.output.html import html
 from zerobeam.words import numbers
 from zerobeam.words.provenance import CERTIFICATE_KEYS
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 pytest.importorskip("cryptography")
 
@@ -301,7 +301,7 @@ def test_what_is_not_determined_has_no_number_anywhere(tmp_path: Path) -> None:
     # A document that claims a number for it is none of ours, and is not certified.
     claimed = copy.deepcopy(answer)
     next(own for own in claimed["parameters"] if own["name"] == "delta2")["estimate"] = 0.1
-    with pytest.raises(BadInput, match="unidentifiable, yet it has a number"):
+    with pytest.raises(BadInput, match="is unidentifiable, yet it has a value"):
         kept(tmp_path / "certificate", claimed)
 
 
@@ -316,6 +316,8 @@ def test_what_determines_no_offset_is_not_certified(tmp_path: Path, converged: b
     for row in answer["parameters"]:
         row |= {"status": "unidentifiable", "estimate": None, "std": None, "interval95": None, "held": False}
     answer["without_prior"], answer["fits"]["likelihood"]["converged"] = None, converged
+    answer |= {"intervals": [], "budget": [], "scene": None}
+    answer["posterior"]["parameters"] = None
     own = only(kept(tmp_path, answer))
     with pytest.raises(BadInput, match="determines no offset" if converged else "did not converge"):
         certificate_json(own, answer, "0" * 64, ISSUED)

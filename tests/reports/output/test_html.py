@@ -14,11 +14,12 @@ from example_results import EXAMPLES, FORBIDDEN, drawn, good, misfit
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.answer.result import Result
+from zerobeam.model.records import dumps
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Page as PageOfBlocks
 from zerobeam.reports.style.blocks import Verdict, row_of, section_of, table_of
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.words.sentences import to_json
 
 
 def made(result: Result) -> str:

@@ -41,7 +41,7 @@ from zerobeam.reports.plan.plan_page import (
     write_plan_page,
 )
 from zerobeam.words import numbers
-from zerobeam.words.result_json import check_json
+from zerobeam.words.sentences import to_json
 from zerobeam.words.wording import label
 
 Refused = Callable[..., BadInput]
@@ -50,7 +50,7 @@ Refused = Callable[..., BadInput]
 def made(plan: Plan) -> tuple[str, dict[str, Any]]:
     """The page, and the answer of `check --json`."""
     turned, found = judged(plan)
-    return plan_page(turned, found), check_json(found)
+    return plan_page(turned, found), to_json(found)
 
 
 def judged(plan: Plan) -> tuple[AimedPlan, Check]:
@@ -129,7 +129,7 @@ def test_the_joints_to_copy_are_the_aimed_postures() -> None:
     text, answer = made(rough)
     page = Page(text)
     copied = YAML(typ="safe").load(StringIO(page.copied))["postures_deg"]
-    again = check_json(check(moved(plan, copied)))
+    again = to_json(check(moved(plan, copied)))
     assert min(posture["off_mm"] for posture in answer["postures"]) > 1
     assert max(posture["off_mm"] for posture in again["postures"]) < 1e-3
     assert "they miss it by up to" in page.words

@@ -22,8 +22,8 @@ from study_text import tables_of, texts_of
 
 from zerobeam.analysis.answer.findings import FileWarning
 from zerobeam.analysis.repeatability.compare import Comparison, compare
-from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.output.html import html
 from zerobeam.reports.repeatability.comparison_folder import write_comparison
 from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison, runs_picture

@@ -12,7 +12,7 @@ from example_results import EXAMPLES, drawn, draws, good, misfit, unconverged, x
 from study_text import words
 
 from zerobeam.analysis.answer.result import Result
-from zerobeam.analysis.status import UnsoundResult
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run.parameters import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture
 from zerobeam.reports.run.residuals import drawn_of, residuals_picture

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from example_results import drawn, draws, good, unconverged
 
-from zerobeam.analysis.status import UnsoundResult
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run import report
 from zerobeam.reports.run.report import write_report
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +63,12 @@ def test_a_number_that_is_not_finite_leaves_what_was_there(tmp_path: Path) -> No
     """It is found when it is written."""
     write_report(tmp_path / "out", good(), None)
     before = (tmp_path / "out" / "report.html").read_bytes()
-    unsound = dataclasses.replace(good(), likelihood=dataclasses.replace(good().likelihood, chi2=math.nan))
+    unsound = dataclasses.replace(
+        good(),
+        fits=dataclasses.replace(
+            good().fits, likelihood=dataclasses.replace(good().likelihood, chi2=math.nan)
+        ),
+    )
     for folder in (tmp_path / "out", tmp_path / "new" / "deeper"):
         with pytest.raises(UnsoundResult):
             write_report(folder, unsound, None)

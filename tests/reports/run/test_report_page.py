@@ -28,7 +28,7 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.outliers import RobustParameter
 from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.posterior.intervals import Intervals
-from zerobeam.analysis.status import UnsoundResult
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Section, Table
 from zerobeam.words.wording import NOT_DETERMINED, label
@@ -121,12 +121,18 @@ def test_the_fit_is_judged_in_plain_words(
     changes: dict[str, Any], finding: LackOfFit | None, words: str
 ) -> None:
     likelihood = replace(good().likelihood, **changes)
-    result = replace(good(), likelihood=likelihood, findings=() if finding is None else (finding,))
+    result = replace(
+        good(),
+        fits=replace(good().fits, likelihood=likelihood),
+        findings=() if finding is None else (finding,),
+    )
     assert words in paragraphs(section(result, "Fit quality"))
 
 
 def test_a_fit_that_did_not_converge_is_said_first() -> None:
-    result = replace(misfit(), likelihood=replace(misfit().likelihood, converged=False))
+    result = replace(
+        misfit(), fits=replace(misfit().fits, likelihood=replace(misfit().likelihood, converged=False))
+    )
     said = report_page(result).message
     assert said is not None
     assert "The fit did not converge" in said.verdict
@@ -150,7 +156,10 @@ def test_likelihood_and_midpoint_stand_side_by_side() -> None:
         good().midpoint, available=False, converged=False, reason="parallel beams", cost=None, rms_mm=None
     )
     rows = tuple(replace(row, midpoint=None) for row in good().parameters)
-    alone = section(replace(good(), midpoint=gone, parameters=type(good().parameters)(rows)), "Fit quality")
+    alone = section(
+        replace(good(), fits=replace(good().fits, midpoint=gone), parameters=type(good().parameters)(rows)),
+        "Fit quality",
+    )
     assert not any(table.caption.startswith("Offsets by both") for table in tables(alone))
     assert "(eq. 8) is not available: parallel beams." in paragraphs(alone)
     assert len(table(alone, "Quality").columns) == 2
@@ -179,7 +188,7 @@ def test_noise_factors_have_a_table_of_their_own_and_are_so_many_times_the_state
 
 
 def test_against_a_fitted_noise_the_fit_is_not_said_to_agree_with_the_stated_one() -> None:
-    told = replace(separate(), likelihood=good().likelihood)
+    told = replace(separate(), fits=replace(separate().fits, likelihood=good().likelihood))
     assert "agree with the fitted noise" in paragraphs(section(told, "Fit quality"))
     assert "agree with the stated noise" in paragraphs(section(good(), "Fit quality"))
 

@@ -125,7 +125,10 @@ def test_what_is_not_determined_is_named_and_has_no_number():
 
 def test_a_fit_that_did_not_converge_has_no_budget():
     fit = dataclasses.replace(EXAMPLES["good"].likelihood, converged=False)
-    assert budget_section(result(likelihood=fit, budgets=[])) is None
+    assert (
+        budget_section(result(fits=dataclasses.replace(EXAMPLES["good"].fits, likelihood=fit), budgets=[]))
+        is None
+    )
     assert budget_section(result()) is not None
 
 

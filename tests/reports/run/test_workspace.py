@@ -17,7 +17,8 @@ from study_text import texts_of, words
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.accuracy import accuracy
 from zerobeam.analysis.diagnostics.enter import Entered, TcpError
-from zerobeam.analysis.status import Status, UnsoundResult
+from zerobeam.analysis.status import Status
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.workspace import class_edges, class_of, workspace_picture, workspace_section
 from zerobeam.reports.style.blocks import Paragraph

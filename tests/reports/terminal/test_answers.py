@@ -18,8 +18,8 @@ from zerobeam.analysis.answer.findings import FileWarning
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import OutsideLimits, check
 from zerobeam.analysis.observability.outlook import Advice, OverTarget
-from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.procedure.events import Ended
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.terminal.answers import print_carried, print_result, print_side_by_side
 from zerobeam.reports.terminal.check import print_check
 

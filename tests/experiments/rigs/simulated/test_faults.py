@@ -310,7 +310,7 @@ def test_the_bump_is_found_where_it_was(sessions: Sessions) -> None:
     # Links within their tolerance explain as much, so that nothing is claimed; nominal geometry finds it.
     assert carried.state.moved_target is None
     moved = displacement(carried.state.fit)
-    assert (moved.at.after_shot, moved.at.before_shot) == (2, 3)
+    assert (moved.after_shot, moved.before_shot) == (2, 3)
     assert abs(moved.size_mm - 1.0) < 3 * moved.size_std_mm
 
 

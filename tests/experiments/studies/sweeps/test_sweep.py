@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from scipy import stats
 
 from zerobeam.analysis.observability.check import check
-from zerobeam.analysis.status import UnsoundResult, Verdict
+from zerobeam.analysis.status import Verdict
 from zerobeam.experiments.plans.candidates import View, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern
@@ -33,7 +33,7 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
 )
 from zerobeam.experiments.studies.sweeps.study_file import SettingsStudy, read_study
 from zerobeam.experiments.studies.sweeps.sweep import FALSE_ALARM, judged, refitted, studied_case, sweep
-from zerobeam.model.errors import BadInput
+from zerobeam.model.errors import BadInput, UnsoundResult
 from zerobeam.model.likelihood.problem import Problem
 
 RUNS = 24

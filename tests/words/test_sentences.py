@@ -26,8 +26,9 @@ from zerobeam.analysis.answer.result import RESULT_SCHEMA, Result
 from zerobeam.analysis.diagnostics.scene import SceneTarget
 from zerobeam.analysis.posterior.intervals import Intervals
 from zerobeam.analysis.solution import ParameterTable
-from zerobeam.analysis.status import UnsoundResult
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.model.errors import UnsoundResult
+from zerobeam.model.records import dumps
+from zerobeam.words.sentences import to_json
 
 
 def changed(result: Result, name: str, **changes: Any) -> Result:
@@ -61,12 +62,12 @@ def test_the_keys_are_those_of_the_design() -> None:
         *("power", "taken_as_known", "notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
-        *("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std"),
-        *("midpoint", "group", "tolerance_share", "reason"),
+        *("name", "unit", "group", "status", "held", "estimate", "std", "data_std", "interval95"),
+        *("prior_std", "midpoint", "tolerance_share", "reason"),
     ]
     assert list(answer["geometry"]) == [
-        *("tolerance", "considered_tolerance", "factors", "ladder", "consider", "at_half", "at_twice"),
-        "confounded",
+        *("factors", "ladder", "consider", "at_half", "at_twice", "confounded"),
+        *("considered_tolerance", "tolerance"),
     ]
     assert list(answer["fits"]) == ["likelihood", "midpoint"]
     assert {"converged", "iterations", "cost", "rms_mm", "chi2", "dof", "p_value"} <= set(
@@ -175,7 +176,7 @@ def test_a_fit_that_is_not_available_has_no_numbers() -> None:
     with pytest.raises(UnsoundResult, match="midpoint"):
         replace(good().midpoint, available=False)
     none = replace(good().midpoint, available=False, cost=None, rms_mm=None)
-    fits = to_json(replace(good(), midpoint=none))["fits"]
+    fits = to_json(replace(good(), fits=replace(good().fits, midpoint=none)))["fits"]
     assert (fits["midpoint"]["available"], fits["midpoint"]["rms_mm"]) == (False, None)
 
 

@@ -1,0 +1,104 @@
+"""What words say of answers: the sentences of `result.json` and of what `check --json` prints.
+
+What the data do not determine leaves here as null, or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from ..analysis.answer.result import LikelihoodSummary, Result
+from ..analysis.diagnostics.accuracy import TcpAccuracy
+from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.diagnostics.outliers import Robust
+from ..analysis.diagnostics.predicted_run import PredictedRun
+from ..analysis.displacement import Displacement
+from ..analysis.misfit import (
+    BeyondPrior,
+    ImplausibleNoise,
+    LackOfFit,
+    NominalContradicted,
+    PlacementsDisagree,
+)
+from ..analysis.observability.causes import NullDirection
+from ..analysis.observability.changes import RunChange
+from ..analysis.observability.check import Check, CheckedParameter
+from ..analysis.posterior.posterior import PosteriorSummary
+from ..analysis.recordings.steps import RecordingStep
+from ..analysis.solution import ParameterResult
+from ..analysis.tight_priors import TightPrior
+from ..model import records
+from .findings import (
+    accuracy_reason,
+    hold_out_message,
+    likelihood_message,
+    notes,
+    posterior_message,
+    predicted_run_message,
+    robust_message,
+    tcp_words,
+)
+from .message import headline, message
+from .misfit import criterion_sentence, explanation_sentence
+from .next_steps import next_steps, offered
+from .observability import direction_remedy, reason
+from .verdict import check_headline, check_notes
+
+_CRITERIA = (
+    LackOfFit,
+    ImplausibleNoise,
+    NominalContradicted,
+    BeyondPrior,
+    TightPrior,
+    PlacementsDisagree,
+    Displacement,
+    RecordingStep,
+    RunChange,
+)
+
+
+def _reason(row: ParameterResult | CheckedParameter) -> str | None:
+    return None if row.cause is None else reason(row.cause)
+
+
+# By the class of a record: what is said of it under each of its worded keys.
+WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
+    ParameterResult: {"reason": _reason},
+    CheckedParameter: {"reason": _reason},
+    NullDirection: {"reason": lambda one: reason(one.cause), "remedy": direction_remedy},
+    LikelihoodSummary: {"message": likelihood_message},
+    PosteriorSummary: {"message": posterior_message},
+    TcpAccuracy: {"place": tcp_words, "reason": accuracy_reason},
+    Robust: {"message": robust_message},
+    HoldOut: {"message": hold_out_message},
+    PredictedRun: {"message": predicted_run_message},
+    Explanation: {"sentence": explanation_sentence},
+    Check: {"headline": check_headline, "notes": check_notes},
+    **{kind: {"sentence": criterion_sentence} for kind in _CRITERIA},
+}
+
+
+def to_json(answer: object) -> Any:
+    """An answer as plain values of JSON, with its sentences; `Result` and whatever is a part of one.
+
+    Raises UnsoundResult if a number is not finite.
+    """
+    return records.to_json(in_words(answer) if isinstance(answer, Result) else answer, WORDS)
+
+
+def in_words(result: Result) -> Result:
+    """The result with what it says first, what may be entered, and what to do."""
+    first, entered = message(result), offered(result)
+    return replace(
+        result,
+        message=first,
+        headline=headline(result),
+        enter=entered,
+        enter_geometry=result.entered_geometry if entered else None,
+        conformity=result.conformity if entered else None,
+        notes=notes(result),
+        next_steps=next_steps(result, first),
+    )
