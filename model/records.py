@@ -26,6 +26,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar, cast, dataclass_transform, get_type_hints
 
 from pydantic import (
+    BaseModel,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
@@ -65,7 +66,7 @@ internal = _Internal()
 """Marks a field that the document does not have: None in a record that was read."""
 
 
-_WORDED = "worded"
+_WORDED, _IF_ANY = "worded", "if any"
 
 
 def it(description: str, *, unit: str | None = None, name: str | None = None) -> Any:
@@ -78,6 +79,13 @@ def worded(description: str) -> Any:
     """The same of a key that `words` fill when the record is written. A record that was read has the text."""
     about = Field(description=description)
     about.metadata.append(_WORDED)
+    return about
+
+
+def if_any(description: str | None = None) -> Any:
+    """The same of a key that is absent, and not null, where its value is None."""
+    about = Field(description=description, exclude_if=lambda value: value is None)
+    about.metadata.append(_IF_ANY)
     return about
 
 
@@ -133,7 +141,7 @@ def _with_properties(
             shown = handler(cast(Any, TypeAdapter(one.type).core_schema))
             content["properties"][one.name] = {**shown, "description": one.description}
         content["properties"][one.name].pop("default", None)
-    content["required"] = [one.name for one in keys(cls)]
+    content["required"] = [one.name for one in keys(cls) if not one.if_any]
     return answer
 
 
@@ -145,6 +153,7 @@ class Key(NamedTuple):
     description: str
     worded: bool
     type: Any
+    if_any: bool = False
 
 
 @cache
@@ -159,7 +168,14 @@ def keys(cls: type) -> tuple[Key, ...]:
         about = next((mark for mark in marks if isinstance(mark, FieldInfo)), Field())
         name = about.alias or one.name
         answer.append(
-            Key(name, one.name, about.description or "", _WORDED in about.metadata, hints[one.name])
+            Key(
+                name,
+                one.name,
+                about.description or "",
+                _WORDED in about.metadata,
+                hints[one.name],
+                _IF_ANY in about.metadata,
+            )
         )
     for name in dir(cls):
         getter = getattr(getattr(cls, name, None), "fget", None)
@@ -199,6 +215,8 @@ def _plain(value: object, words: Words) -> object:
         return {one.name: _plain(_shown(value, kind, one, words), words) for one in _present(value, kind)}
     if isinstance(value, dict):
         return {name: _plain(item, words) for name, item in value.items()}
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", by_alias=True)
     return [_plain(item, words) for item in value] if isinstance(value, list | tuple) else value
 
 
@@ -209,9 +227,13 @@ def _kind(cls: type) -> type:
 
 
 def _present(value: Any, kind: type) -> Iterator[Key]:
-    """The keys, without those that the record says it does not have (`absent`)."""
+    """The keys, without those that the record says it does not have (`absent`), or has no value of."""
     without = getattr(value, "absent", ())
-    return (one for one in keys(kind) if one.name not in without)
+    return (
+        one
+        for one in keys(kind)
+        if one.name not in without and not (one.if_any and getattr(value, one.attribute) is None)
+    )
 
 
 def _shown(value: object, kind: type, one: Key, words: Words) -> object:

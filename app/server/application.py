@@ -17,10 +17,11 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from ...model.errors import BadInput, ZerobeamError
+from ...model.records import to_json
 from .folder import Folder
 from .guard import Access, Guard, refusal
 from .page import PageFiles
-from .requests import error_answer, to_json
+from .requests import error_answer
 from .versions import Conflict, ConflictAnswer
 
 if TYPE_CHECKING:

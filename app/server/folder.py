@@ -6,7 +6,6 @@ import os
 import re
 import stat
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Annotated, NamedTuple
@@ -14,8 +13,8 @@ from typing import Annotated, NamedTuple
 from ...model.errors import BadInput
 from ...model.files.whole_file import refuse_existing
 from ...model.parsing.confinement import resolved
+from ...model.records import it, record
 from .kept import Kept
-from .requests import it
 from .versions import version_of
 
 MOST_FILES = 2000  # listed
@@ -26,7 +25,7 @@ _HEAD = 4096  # bytes: where the schema of a file is
 _SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class FolderFile:
     """A file below the folder of the app."""
 

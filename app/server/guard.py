@@ -22,7 +22,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from .requests import ErrorAnswer, ErrorFacts, to_json
+from ...model.records import to_json
+from .requests import ErrorAnswer, ErrorFacts
 
 LARGEST_BODY = 64 * 10**6  # bytes
 SHOWN = "/shown/"  # pages of the folder, by a ticket: a page in a sandbox sends no cookie with its links

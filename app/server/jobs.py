@@ -12,7 +12,6 @@ import sys
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from ...analysis.answer.message import Action
@@ -20,10 +19,10 @@ from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.parsing.confinement import WITHIN
+from ...model.records import it, record, to_json
 from ...words.time_left import TimeLeft
 from .answers.actions import action_of_result
 from .folder import Folder
-from .requests import it, to_json
 from .started_runs import StartedRuns, run_file
 
 AT_ONCE = 2  # jobs under way; others wait
@@ -44,7 +43,7 @@ PROGRESS = "ZEROBEAM_PROGRESS"  # what makes a command tell its progress in line
 _NumberedEvent = tuple[int, str, Any]  # number, kind, data
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class JobBrief:
     """A job without its log and answer."""
 
@@ -60,7 +59,7 @@ class JobBrief:
     asks: Annotated[Literal["lines", "confirm"] | None, it("`confirm`: it waits for yes or no")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class JobWhole(JobBrief):
     """A job."""
 

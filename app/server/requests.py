@@ -7,38 +7,18 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, Field, TypeAdapter, create_model
+from pydantic import BaseModel, TypeAdapter, create_model
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.parsing.reading import DEEPEST, MOST_VALUES, KeyPath
 from ...model.parsing.validation import FileModel, Model, validate
+from ...model.records import it, record, to_json
 
 Answering = TypeVar("Answering", bound=Callable[..., Any])
-
-
-def it(description: str, **how: Any) -> Any:
-    """What a value is that is sent, or a key of an answer."""
-    return Field(description=description, **how)
-
-
-def if_any(description: str | None = None) -> Any:
-    """The same of a key that is absent, and not null, where it has no value."""
-    return Field(description=description, exclude_if=lambda value: value is None)
-
-
-@cache
-def _writer(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
-
-
-def to_json(answer: object) -> Any:
-    """An answer as plain values."""
-    kind: Any = type(answer)
-    return _writer(kind).dump_python(answer, mode="json", by_alias=True, warnings=False)
 
 
 @dataclass(frozen=True)
@@ -128,7 +108,7 @@ class EndPoint:
 
     def plain(self, answer: object) -> Any:
         """An answer as JSON has it."""
-        return self.returned.dump_python(answer, mode="json", by_alias=True, warnings=False)
+        return to_json(answer)
 
 
 END_POINTS: list[EndPoint] = []
@@ -227,7 +207,7 @@ def refused(error: BadInput, key: KeyPath) -> Refused:
     return same
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ErrorFacts:
     """What is wrong."""
 
@@ -238,7 +218,7 @@ class ErrorFacts:
     key: Annotated[list[str | int] | None, it("leads to the value in what was sent")] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ErrorAnswer:
     """A refusal."""
 

@@ -22,13 +22,14 @@ from ...model.errors import BadInput
 from ...model.files.whole_file import write_whole
 from ...model.parsing.confinement import confined
 from ...model.parsing.reading import LARGEST_YAML, parse_json, read_text
+from ...model.records import to_json
 from .answers.results import read_result, report_files
 from .end_points import description
 from .folder import Folder, kind_of
 from .guard import LARGEST_BODY, SHOWN, Access, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import AppJob, Jobs
-from .requests import END_POINTS, Arguments, EndPoint, Precondition, as_model, require_plain, to_json
+from .requests import END_POINTS, Arguments, EndPoint, Precondition, as_model, require_plain
 from .versions import (
     WrittenFile,
     etag,

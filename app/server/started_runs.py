@@ -7,16 +7,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
-
-from pydantic import TypeAdapter
 
 from ...model.errors import BadInput
 from ...model.files.whole_file import write_whole
+from ...model.records import read, record, to_json
 from .folder import Folder
 from .job_commands import job_command
-from .requests import to_json
 
 _FILE = "runs.json"
 _SCHEMA: Literal["zerobeam/app-runs/1"] = "zerobeam/app-runs/1"
@@ -25,7 +22,7 @@ _RESUME = "--resume"
 _OURS = ("--json-lines", "--scene", "--")  # what the server adds to what was asked for
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class StartedRun:
     """A run that the app has started."""
 
@@ -33,7 +30,7 @@ class StartedRun:
     ended: bool
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class _RunsFile:
     """The content of the file, by the names of run files."""
 
@@ -85,7 +82,7 @@ class StartedRuns:
         """What is not as it was written counts as nothing: it only spares a person the typing."""
         try:
             content = json.loads(self._folder.private(_FILE).read_text(encoding="utf-8"))
-            return TypeAdapter(_RunsFile).validate_python(content).runs
+            return read(_RunsFile, content).runs
         except (OSError, ValueError, BadInput):
             return {}
 

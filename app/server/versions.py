@@ -5,27 +5,28 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, is_dataclass
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 from ...model.errors import BadInput
+from ...model.records import it, record, to_json
 from .kept import Kept
-from .requests import Content, ErrorAnswer, Precondition, it, to_json
+from .requests import Content, ErrorAnswer, Precondition
 
 MOST_HASHED = 16 * 10**6  # bytes; a larger file has its version by size and time
 _DIGITS = 32
 _VERSIONS = Kept(8000)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Versioned:
     """What is made of one file."""
 
     version: Annotated[str, it("of the file: what If-Match takes when it is replaced")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class WrittenFile(Versioned):
     """A file that was written as it was sent."""
 
@@ -33,7 +34,7 @@ class WrittenFile(Versioned):
     bytes: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CurrentFile(Versioned):
     """What a file holds now."""
 
@@ -43,7 +44,7 @@ class CurrentFile(Versioned):
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ConflictAnswer(ErrorAnswer):
     """A refusal: the file is not the one that was to be replaced."""
 

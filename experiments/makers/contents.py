@@ -5,16 +5,15 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
 
 from ...model.errors import BadInput
 from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, require_regular, shown
+from ...model.records import it, record
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
 from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
@@ -28,7 +27,7 @@ _COUNTED = re.compile(r"(.*?)(\d{1,2})(\D*)")
 _COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
-@dataclass(frozen=True)
+@record
 class TableColumn:
     """`stated` is what an import calls the column: its name, or its number where the name cannot be stated.
 
@@ -43,7 +42,7 @@ class TableColumn:
     line: int | None
 
 
-@dataclass(frozen=True)
+@record
 class Layout:
     """The layout of a table as far as its text shows; `why` has a sentence for each conclusion."""
 
@@ -170,7 +169,7 @@ _JOINT_STATE = re.compile(r"^(?:name|position)\s*:", re.MULTILINE)
 _MOST_SHOWN = 500  # points, messages
 
 
-@dataclass(frozen=True)
+@record
 class NamedPoint:
     """A taught point, and whether it has joints."""
 
@@ -178,24 +177,22 @@ class NamedPoint:
     joints: bool
 
 
-@dataclass(frozen=True)
+@record
 class Contents:
     """What a recording holds: a table, taught points, a bag, joint states in text, or a file of ours."""
 
-    form: Annotated[str, Field(description="what the file is")]
-    why: Annotated[str, Field(description="how that is seen")]
-    count: Annotated[str, Field(description="what it has, in words")]
-    formats: Annotated[
-        tuple[str, ...], Field(description="of imports that may read it: the words behind `import`")
-    ] = ()
+    form: Annotated[str, it("what the file is")]
+    why: Annotated[str, it("how that is seen")]
+    count: Annotated[str, it("what it has, in words")]
+    formats: Annotated[tuple[str, ...], it("of imports that may read it: the words behind `import`")] = ()
     layout: Layout | None = None
     columns: tuple[TableColumn, ...] = ()
-    rows: Annotated[int, Field(description="of a table: how many were looked at")] = 0
-    whole: Annotated[bool, Field(description="of a table: these are all")] = True
+    rows: Annotated[int, it("of a table: how many were looked at")] = 0
+    whole: Annotated[bool, it("of a table: these are all")] = True
     points: tuple[NamedPoint, ...] = ()
     topics: tuple[Topic, ...] = ()
-    names: Annotated[tuple[str, ...], Field(description="of joint states in text: the joints")] = ()
-    kind: Annotated[str, Field(description="of a file of zerobeam")] = ""
+    names: Annotated[tuple[str, ...], it("of joint states in text: the joints")] = ()
+    kind: Annotated[str, it("of a file of zerobeam")] = ""
 
 
 def contents_of(path: Path, layout: Layout | None = None) -> Contents:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,16 +11,16 @@ from ....analysis.answer.message import Action
 from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
+from ....model.records import it, record
 from ....words.plan_message import tried_change
 from ..folder import Folder
 from ..job_commands import job_command
-from ..requests import it
 
 Step = Literal["plan", "measure", "result", "cell"]
 _DECIMALS = 6
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class DoesJob:
     """The button begins a job, and the page shows what it makes."""
 
@@ -30,7 +29,7 @@ class DoesJob:
     then: Literal["plan", "result", "file"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class DoesPostures:
     """The button gives the plan other postures."""
 
@@ -39,7 +38,7 @@ class DoesPostures:
     targets: Annotated[list[str] | None, it("of each, where there are several")] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class DoesStep:
     """The button leads to another step of the calibration."""
 
@@ -47,7 +46,7 @@ class DoesStep:
     step: Step
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class OfferedAction:
     """What to do next, and the button that does it."""
 

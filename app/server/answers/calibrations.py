@@ -6,7 +6,6 @@ import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -30,10 +29,11 @@ from ....model.files.robot_file import load_robot, rebased
 from ....model.files.whole_file import sync_folder, write_whole, writer
 from ....model.instruments.registry import KINDS
 from ....model.parsing.validation import FileModel, Name, Vector, validate
+from ....model.records import it, record
 from ....words.wording import capital
 from ..folder import Folder
 from ..job_commands import job_command
-from ..requests import Content, Refused, end_point, it, refused
+from ..requests import Content, Refused, end_point, refused
 from ..versions import version_of
 from .new_folders import new_path
 from .robots import whole_ref
@@ -57,7 +57,7 @@ StatedRobot = Annotated[RobotRef, it("a built-in name, a robot file below the fo
 StatedInstrument = Annotated[str, it("kind of the instrument")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class MadeCalibration:
     """A new calibration: its folder and header, and the words of the job that makes its plan."""
 
@@ -67,7 +67,7 @@ class MadeCalibration:
     command: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class MadeExample:
     """A new calibration that has a plan, and the words of the job that simulates its run."""
 
@@ -77,7 +77,7 @@ class MadeExample:
     command: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class InstrumentChoice:
     """A kind of instrument."""
 
@@ -87,7 +87,7 @@ class InstrumentChoice:
     plans: Annotated[bool, it("whether a plan can be made with the defaults")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class PlaceAt:
     """Where a place of the target is at an arm."""
 
@@ -95,7 +95,7 @@ class PlaceAt:
     at_mm: Annotated[list[float], it("base frame")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CalibrationProposal:
     """What a new calibration assumes of an arm and an instrument."""
 
@@ -106,14 +106,14 @@ class CalibrationProposal:
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class WithdrawnCalibration:
     """A calibration that was taken back."""
 
     name: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CalibrationChoices:
     """What a new calibration can be made of."""
 
@@ -193,7 +193,7 @@ def make(
     name: Annotated[str, it("of the new folder")],
     robot: StatedRobot,
     instrument: StatedInstrument,
-    at: Annotated[PlaceOfTarget, it("where the target is", alias="place")],
+    at: Annotated[PlaceOfTarget, it("where the target is", name="place")],
     mounted: Annotated[
         dict[str, Vector],
         it(
@@ -203,7 +203,7 @@ def make(
     ] = _AS_ASSUMED,
     serial: Annotated[Name | None, it("serial number of the arm")] = None,
     measurements: Annotated[
-        int | None, it("of the plan (default: as few as are enough)", ge=2, le=200)
+        int | None, it("of the plan (default: as few as are enough)"), Field(ge=2, le=200)
     ] = None,
 ) -> MadeCalibration:
     """Make the folder of a calibration with its header, whole or not at all."""

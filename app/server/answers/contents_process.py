@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from pydantic import TypeAdapter
-
 from ....experiments.makers.contents import (
     Contents,
     contents_of,
@@ -20,7 +18,7 @@ from ....experiments.makers.contents import (
     layout_stated,
 )
 from ....model.errors import BadInput
-from ..requests import to_json
+from ....model.records import read, to_json
 
 PATIENCE_S = 60.0
 MOST_MEMORY = 4 * 10**9  # bytes of address space, of which libraries take one tenth
@@ -58,7 +56,7 @@ async def contents(path: Path, layout: Mapping[str, object]) -> Contents:
     printed = json.loads(answer)
     if "what" in printed:
         raise BadInput(**printed)
-    return TypeAdapter(Contents).validate_python(printed)
+    return read(Contents, printed)
 
 
 def main() -> None:
@@ -66,8 +64,8 @@ def main() -> None:
     path, layout = Path(sys.argv[1]), json.loads(sys.argv[2])
     _limit()
     try:
-        read = contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
-        answer = to_json(read)
+        holdings = contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
+        answer = to_json(holdings)
     except MemoryError:
         error = _too_much(path, f"more than {MOST_MEMORY // 10**9} GB of memory")
         answer = _facts(error)

@@ -19,10 +19,10 @@ from ....analysis.answer.result import Result
 from ....model.arrays import Mask, Matrix
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
+from ....model.records import it, record
 from ....words.numbers import number_in
 from ....words.wording import label, listed
 from ..kept import Kept
-from ..requests import it
 
 Vec = tuple[float, float, float]
 
@@ -30,7 +30,7 @@ _MOVES_MM = 1e-3  # by so much where it is one degree (mm) off: an offset that m
 _RUNS = Kept(4)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class TcpErrors:
     """Median lengths of the displacements at the postures, mm."""
 
@@ -38,7 +38,7 @@ class TcpErrors:
     after: float | None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class TcpVector:
     """The displacement of the TCP at a posture, mm."""
 
@@ -47,7 +47,7 @@ class TcpVector:
     after: Annotated[Vec | None, it("what is left of that with the values entered; null: not known")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ResidualShown:
     """A residual where it was measured."""
 
@@ -57,7 +57,7 @@ class ResidualShown:
     whitened: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class InWorkspace:
     """The postures of a result: all lists in one order, 60 at most."""
 

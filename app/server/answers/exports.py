@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,12 +11,13 @@ from ....experiments.makers.maker import makers, plan_programs, program_language
 from ....experiments.makers.user_programs import poses_to_state
 from ....model.errors import BadInput
 from ....model.files.run import read_run
+from ....model.records import it, record
 from ..folder import Folder
-from ..requests import end_point, it
+from ..requests import end_point
 from .forms import FormField, form_of
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ExportForm:
     """A form: `export NAME` writes it."""
 
@@ -48,7 +48,7 @@ def exports(_: Folder) -> list[ExportForm]:
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class LanguageForm:
     """A language: `export program` corrects its programs."""
 
@@ -68,7 +68,7 @@ def languages(_: Folder) -> list[LanguageForm]:
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class PlanForm:
     """A program that a plan is exported as, or the sheet for a person: `export plan NAME` writes it."""
 
@@ -106,7 +106,7 @@ def plan_forms(_: Folder) -> list[PlanForm]:
 _LARGEST = 2 * 10**6  # bytes of a program that is read while somebody waits
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class PoseToState:
     """A tool or frame of a program whose pose a person must state: `export program --tool NAME=POSE`."""
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from ....model.options import REQUIRED, options_of
-from ..requests import it
+from ....model.records import it, record
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class FormField:
     """An option of a format."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,12 +11,13 @@ from ....analysis.answer.result import Result
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
+from ....model.records import if_any, record
 from ....reports.run.inputs import origin_of
 from ....words.brief import result_tone, result_words
 from ....words.wording import clipped
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import end_point, if_any
+from ..requests import end_point
 from .results import read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
@@ -28,7 +28,7 @@ _WIDTH = 80  # letters of a text that a header states
 _HEADERS, _BRIEFS = Kept(2000), Kept(2000)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class BriefOffset:
     """An offset of a result, which is not held."""
 
@@ -39,7 +39,7 @@ class BriefOffset:
     std: float | None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class BriefResult:
     """A result of the folder."""
 
@@ -51,7 +51,7 @@ class BriefResult:
     error: Annotated[str | None, if_any("why it cannot be read")] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class BriefRun:
     """A run of the folder: what its header states, and its results, the newest first."""
 
@@ -66,7 +66,7 @@ class BriefRun:
     results: list[BriefResult]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class FolderHistory:
     """The runs of the folder, and the results of no run here; `left_out` counts what is not listed."""
 

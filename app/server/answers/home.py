@@ -20,12 +20,13 @@ from ....model.files.robot_file import built_in_robots, read_rows, stated_rows
 from ....model.instruments.registry import kinds_of
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import validate
+from ....model.records import if_any, it, record
 from ....words.brief import due_words, planned_words, recorded_words, result_tone, result_words, simulated
 from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_simulated
 from ....words.wording import clipped
 from ..folder import Folder, KindOfFile
 from ..kept import Kept
-from ..requests import end_point, if_any, it
+from ..requests import end_point
 from ..started_runs import StartedRuns
 from .due_dates import DueDate, due_dates
 from .recordings import PLAN_HASH
@@ -57,7 +58,7 @@ _PARTS = ("header", "plan", "run", "result", "obstacles", "cell", "sensors")
 _MAKING = frozenset({"header", "plan", "run", "result"})  # what makes a folder a calibration
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CalibrationFiles:
     """Files by kind, the newest first."""
 
@@ -70,7 +71,7 @@ class CalibrationFiles:
     sensors: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CalibrationState:
     """How far a calibration is, by its newest run or result."""
 
@@ -82,7 +83,7 @@ class CalibrationState:
     file: Annotated[str | None, if_any("what this is said of")] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CalibrationDue:
     """When the next calibration is due."""
 
@@ -91,7 +92,7 @@ class CalibrationDue:
     text: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Calibration:
     """A folder with a header, a plan, a run or a result."""
 
@@ -108,7 +109,7 @@ class Calibration:
     modified: Annotated[str, it("ISO 8601, UTC")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class HomeAnswer:
     """All calibrations, the newest first."""
 

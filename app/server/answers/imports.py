@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -28,8 +27,9 @@ from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import FileModel, as_tuple, validate
+from ....model.records import it, record
 from ..folder import Folder, kind_of
-from ..requests import Content, Precondition, Refused, end_point, it, keyed, noted, refused
+from ..requests import Content, Precondition, Refused, end_point, keyed, noted, refused
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from . import contents_process
 from .forms import FormField, form_of
@@ -84,7 +84,7 @@ FileOfHeader = Annotated[str, it("path below the folder (.yaml), which paths in 
 StatedHeader = Annotated[Content, it("the content of a header file")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class RecordingAnswer(Contents):
     """What a file is and holds, and what an import can choose from."""
 
@@ -92,7 +92,7 @@ class RecordingAnswer(Contents):
     bytes: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class JointColumn:
     """A joint as its column has it."""
 
@@ -106,7 +106,7 @@ class JointColumn:
     sign: readings.Reading | None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ProposedColumns:
     """Columns that are proposed for the joints."""
 
@@ -114,7 +114,7 @@ class ProposedColumns:
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ColumnsAnswer:
     """Columns as joints, and what the limits say of unit, signs and joint 3 (null: nothing)."""
 
@@ -129,7 +129,7 @@ class ColumnsAnswer:
     first: Annotated[list[list[float | None]], it("the first rows, as joints")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ImportForm:
     """A format: `import NAME` reads it."""
 
@@ -140,7 +140,7 @@ class ImportForm:
     options: list[FormField]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class HeaderUse:
     """A header that can be used."""
 
@@ -150,14 +150,14 @@ class HeaderUse:
     notes: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class WrittenHeader(HeaderUse, Versioned):
     """A header that was written."""
 
     file: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ReadHeader(Versioned):
     """The header of a header file or a plan, as it is stated."""
 

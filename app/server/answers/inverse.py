@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef
@@ -15,14 +14,15 @@ from ....model.instruments.rotations import rotation_of_quaternion
 from ....model.kinematics.inverse import nearest_posture
 from ....model.kinematics.pendant import beyond_limits
 from ....model.parsing.validation import Vector, as_tuple
+from ....model.records import it, record
 from ..folder import Folder
-from ..requests import end_point, it, refused
+from ..requests import end_point, refused
 from .robots import rounded, whole_ref
 
 _REACHED_MM, _REACHED_DEG = 0.01, 0.01
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class InversePosture:
     """The nearest posture, as near to the pose as the arm comes."""
 
@@ -49,7 +49,8 @@ def inverse(
     ] = None,
     quaternion_wxyz: Annotated[
         Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None,
-        it("of the flange (default: any orientation)", min_length=4, max_length=4),
+        it("of the flange (default: any orientation)"),
+        Field(min_length=4, max_length=4),
     ] = None,
 ) -> InversePosture:
     """The posture nearest to the stated one with the flange at a place."""

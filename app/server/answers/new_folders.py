@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from pydantic import Field
+
 from ....model.errors import BadInput, NotWritten
+from ....model.records import it, record
 from ..folder import Folder
-from ..requests import end_point, it, refused
+from ..requests import end_point, refused
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class MadeFolder:
     """A folder that was made."""
 
@@ -38,7 +40,8 @@ def new_path(folder: Folder, name: str) -> Path:
 
 @end_point("POST /api/folders", "Makes an empty folder for a calibration.")
 def new_folder(
-    folder: Folder, name: Annotated[str, it("a name without /, below the app's folder", max_length=100)]
+    folder: Folder,
+    name: Annotated[str, it("a name without /, below the app's folder"), Field(max_length=100)],
 ) -> MadeFolder:
     """Make an empty folder."""
     path = new_path(folder, name.strip())

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from ....analysis.answer.message import Message
 from ....analysis.observability.aim import AimedPlan, aim_plan
@@ -26,6 +26,7 @@ from ....model.files.plan_file import Obstacles
 from ....model.instruments.kind import POINT, Mark, Target
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.parsing.validation import as_tuple, validate
+from ....model.records import if_any, it, record
 from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines
@@ -34,7 +35,7 @@ from ....words.plan_message import plan_message
 from ....words.sentences import to_json
 from ....words.verdict import violation_words
 from ..folder import Folder
-from ..requests import NOWHERE, Content, Precondition, end_point, if_any, it, keyed, noted
+from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
 from .robots import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
@@ -49,7 +50,7 @@ FileOfPlan = Annotated[
 ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ReadPlan(Versioned):
     """A plan file."""
 
@@ -60,7 +61,7 @@ class ReadPlan(Versioned):
     notes: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class WrittenPlan(Versioned):
     """A plan that was written."""
 
@@ -68,7 +69,7 @@ class WrittenPlan(Versioned):
     notes: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class PostureScene:
     """A posture as the servo will leave it, mm in the base frame."""
 
@@ -88,7 +89,7 @@ class PostureScene:
     ] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CellMark:
     """What stands in the cell: an instrument or a target, mm in the base frame."""
 
@@ -100,7 +101,7 @@ class CellMark:
     acceptance_deg: Annotated[float | None, if_any("largest angle of a beam to the normal")] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class NullMotion:
     """How far joints, targets and tool go along a null-space direction, each in its own unit, for one prior
     standard deviation of the leading parameter: to first order the beam stays on the target."""
@@ -110,7 +111,7 @@ class NullMotion:
     others: dict[str, float]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class WorthColumn:
     """The column beside u: its head, and what it says of each offset."""
 
@@ -118,7 +119,7 @@ class WorthColumn:
     of: dict[str, str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CheckRemarks:
     """What the command prints besides the table."""
 
@@ -145,7 +146,7 @@ class CheckAnswer(BaseModel):
     warnings: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class WithoutOne:
     """What a plan determines without a posture; null for one that gives no measurement."""
 
@@ -153,7 +154,7 @@ class WithoutOne:
     rest: WithoutPosture | None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ReadObstacles(Versioned):
     """An obstacles file."""
 
@@ -161,7 +162,7 @@ class ReadObstacles(Versioned):
     obstacles: Obstacles
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class WrittenObstacles(Versioned):
     """Obstacles that were written."""
 
@@ -265,7 +266,8 @@ def without(
     postures: Annotated[
         tuple[int, ...],
         BeforeValidator(as_tuple),
-        it("postures, from 0, each of which is left out alone", max_length=MOST_WITHOUT),
+        it("postures, from 0, each of which is left out alone"),
+        Field(max_length=MOST_WITHOUT),
     ],
     file: FileOfPlan = None,
 ) -> list[WithoutOne]:

@@ -8,17 +8,18 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 
 from ....analysis.estimation.fit import LikelihoodFit
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
+from ....model.records import it, record
 from ....words.wording import shown
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import end_point, it
+from ..requests import end_point
 from .refits import FittedRun, fitted
 
 MOST_DRAWS = 2000  # shown
@@ -102,7 +103,7 @@ def _member(group: Any, name: str) -> Any:
     return member
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class PosteriorDraws:
     """Thinned draws of the offsets that the data determine: `draws` has a list for each of the `names`."""
 
@@ -115,7 +116,7 @@ class PosteriorDraws:
     prior_only: Annotated[list[str], it("offsets that the data do not determine")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class BrushedShot:
     """A measurement: mean length of its normalised residual over all draws, and over the chosen ones."""
 
@@ -124,7 +125,7 @@ class BrushedShot:
     chosen: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Brushed:
     """What choosing some draws does to the residuals."""
 
@@ -158,7 +159,8 @@ def brush(
     run: Annotated[str, it("the run file that it was made of")],
     ranges: Annotated[
         dict[str, Annotated[tuple[float, float], BeforeValidator(as_tuple)]],
-        it("by parameter: least and largest value of the draws that are chosen", max_length=12),
+        it("by parameter: least and largest value of the draws that are chosen"),
+        Field(max_length=12),
     ],
 ) -> Brushed:
     """Per measurement the mean length of its normalised residual over all draws, and over the chosen ones.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -17,11 +16,12 @@ from ....model.errors import BadInput
 from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
+from ....model.records import it, record
 from ....words.message import headline_so_far
 from ....words.provenance import SIMULATED
 from ....words.wording import person
 from ..folder import Folder
-from ..requests import end_point, it, noted
+from ..requests import end_point, noted
 from ..started_runs import StartedRuns
 
 _MOST = 20  # of its measurements after each of which u is said
@@ -32,7 +32,7 @@ _BY_HAND = "by hand"
 _ABB = "abb"
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class RecordedRun:
     """A run file, and how to go on with it."""
 
@@ -50,7 +50,7 @@ class RecordedRun:
     why_not: Annotated[str | None, it("why there is none")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class CoursePoint:
     """What the measurements so far determined after one of them."""
 
@@ -59,7 +59,7 @@ class CoursePoint:
     expanded: Annotated[dict[str, float | None], it("the same as U = k std")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class RunSoFar(RecordedRun):
     """A run file, with what its measurements determine."""
 
@@ -199,7 +199,7 @@ def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
     return None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class LiveForm:
     """A protocol by which joints are read from a controller: `run --rig SCHEME://HOST[:PORT]`."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 from threadpoolctl import threadpool_limits
 
 from ....analysis.estimation.fit import fit_likelihood
@@ -19,12 +19,13 @@ from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
+from ....model.records import it
 from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.sentences import to_json
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import Content, Refused, end_point, it
+from ..requests import Content, Refused, end_point
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
 
@@ -71,7 +72,8 @@ def refit(
     without: Annotated[
         tuple[int, ...],
         BeforeValidator(as_tuple),
-        it("numbers of the measurements to leave out", max_length=MOST_MEASUREMENTS),
+        it("numbers of the measurements to leave out"),
+        Field(max_length=MOST_MEASUREMENTS),
     ] = (),
 ) -> Content:
     """The answer `without` some measurements: verdict, headline, offsets (as in result.json, with `before`:

@@ -16,7 +16,7 @@ from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import Content, end_point, to_json
+from ..requests import Content, end_point
 from .actions import action_of_result
 from .displacements import in_workspace
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,14 +18,15 @@ from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.kinematics.robot import Robot
 from ....model.parsing.validation import as_tuple
+from ....model.records import if_any, it, record
 from ..folder import Folder
-from ..requests import end_point, if_any, it, noted
+from ..requests import end_point, noted
 from .meshes import read_mesh, simplified, solid
 
 MOST_TRIANGLES = 3000  # of an arm: what a tablet draws while it is turned
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class BuiltInRobot:
     """A robot of the library."""
 
@@ -49,7 +49,7 @@ class DrawnArm(BaseModel):
     notes: Annotated[list[str] | None, if_any("where numbers look wrong")] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class LinkMesh:
     """What a URDF shows of a link."""
 
@@ -58,7 +58,7 @@ class LinkMesh:
     faces: Annotated[list[list[int]], it("three vertices each")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class ArmMeshes:
     """What a URDF shows of its links."""
 
