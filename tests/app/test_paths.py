@@ -395,6 +395,13 @@ def test_no_word_of_a_job_leads_out(there: Path, name: str) -> None:
     assert tried > 500
 
 
+def test_what_a_person_alone_may_state_is_no_option_of_a_job() -> None:
+    options = {key for _, allowed in ALLOWED.values() for key in allowed}
+    alone = {"--force", "--overwrite", "--yes", "--password", "--watch", "--recorded", "--drop", "--save"}
+    assert not options & {*alone, "--workers", "--scheduler", "--json", "--picture", "--serial", "--when"}
+    assert {"--resume", "--host", "--user", "--hold-out", "--distance"} <= options  # the control
+
+
 def test_no_option_of_a_job_is_stated_twice(there: Path) -> None:
     """Of two, one was checked and the other carried out."""
     folder = Folder(there)
