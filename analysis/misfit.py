@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
 import scipy
@@ -37,6 +37,7 @@ from ..model.records import key, record, worded
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
+from .left_over import LeftOver
 from .observability.changes import RunChange, run_change, run_change_with_links
 from .observability.geometry import TYPICAL_DEG, TYPICAL_MM, link_columns
 from .observability.identifiability import Identified
@@ -53,7 +54,6 @@ BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further
 DISAGREES = 1.6
 DOUBTED, AGREES = 0.01, 0.05  # p-values of an exact arm, and with links: `exact` is the first suspect
 REDUCED = 0.75  # of the residuals: what leaves no more of them is the cause
-_REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 
 Geometry = Literal["nominal", "estimated"]
 NoiseOf = Literal["all", "joint", "spot"]
@@ -281,49 +281,42 @@ def _beyond_prior(fit: LikelihoodFit, identified: Identified) -> Iterator[Beyond
         yield BeyondPrior(tuple(off))
 
 
-@dataclass(frozen=True, eq=False)
-class _Left:
-    """What no parameter of a fit can explain, whatever its prior: `residual` (M,), whitened, of so many
-    `numbers`; `basis` (M, r) is of all that parameters explain. Rows are scaled by `once` (M,)."""
+def _left_over(fit: LikelihoodFit) -> tuple[LeftOver, Matrix]:
+    """What no parameter of a fit can explain, whatever its prior, and the scale (M, 1) of its rows.
 
-    residual: Matrix
-    basis: Matrix
-    once: Matrix
-    numbers: float
+    Measurements count by their effective number only where the geometry is estimated: what nominal geometry
+    leaves is correlated by itself, and the effective number must not excuse it."""
+    problem, whitened, d = fit.problem, fit.whitened, fit.problem.tool.residual_size
+    once, numbers = np.ones(len(whitened.residual)), float(problem.measured_size)
+    if not problem.geometry:
+        once[: problem.shots * d] = np.repeat(1 / np.sqrt(problem.weights), d)
+        numbers += float(problem.sizes @ (1 - problem.weights))
+    left = LeftOver.without_priors(
+        whitened.residual * once,
+        whitened.jacobian[:, problem.parameters.free] * once[:, None],
+        (problem.shots, d),
+        round(numbers),
+        known=False,
+    )
+    return left, once[:, None]
 
-    @classmethod
-    def of(cls, fit: LikelihoodFit) -> Self:
-        """Measurements count by their effective number only where the geometry is estimated: what nominal
-        geometry leaves is correlated by itself, and the effective number must not excuse it."""
-        problem, whitened, d = fit.problem, fit.whitened, fit.problem.tool.residual_size
-        once, numbers = np.ones(len(whitened.residual)), float(problem.measured_size)
-        if not problem.geometry:
-            once[: problem.shots * d] = np.repeat(1 / np.sqrt(problem.weights), d)
-            numbers += float(problem.sizes @ (1 - problem.weights))
-        basis = _range_of(whitened.jacobian[:, problem.parameters.free] * once[:, None])
-        residual = whitened.residual * once
-        return cls(residual - basis @ (basis.T @ residual), basis, once, numbers)
 
-    def beside(self, columns: Matrix) -> Matrix:
-        """Whitened columns (M, k) as far as no parameter explains them."""
-        columns = columns * self.once[:, None]
-        return np.asarray(columns - self.basis @ (self.basis.T @ columns))
-
-    def explained(self, columns: Matrix) -> FTest | None:
-        """By columns of `beside`: what they explain is exactly chi-squared, independent of what is left
-        (Seber & Lee, Linear Regression Analysis, 2003, section 4.3). None without degrees of freedom."""
-        explains = _range_of(columns)
-        rank = explains.shape[1]
-        dof = round(self.numbers) - self.basis.shape[1] - rank
-        if rank == 0 or dof <= 0:
-            return None
-        square = float(self.residual @ self.residual)
-        drop = float(((explains.T @ self.residual) ** 2).sum())
-        within = max(square - drop, 1e-300) / dof
-        ratio = drop / rank / within
-        before = float(np.sqrt(square / (dof + rank)))
-        p_value = float(scipy.special.fdtrc(rank, dof, ratio))
-        return FTest(float(np.sqrt(ratio)), rank, dof, p_value, before, float(np.sqrt(within)))
+def _f_test(left: LeftOver, columns: Matrix) -> FTest | None:
+    """Of whitened columns (M, k) of the left-over; None without degrees of freedom."""
+    explained = left.explained(left.reached(columns), 0.5)
+    rank = int(explained.rank[0])
+    if rank == 0:
+        return None
+    rest, dof = left.rest(explained, 0)
+    within = rest / dof
+    return FTest(
+        factor=float(np.sqrt(explained.drop[0] / rank / within)),
+        rank=rank,
+        dof=dof,
+        p_value=left.p_value(explained, 0),
+        before=float(np.sqrt(left.chi2 / (dof + rank))),
+        after=float(np.sqrt(within)),
+    )
 
 
 def exact_doubted(fit: LikelihoodFit) -> ExactDoubted | None:
@@ -331,14 +324,13 @@ def exact_doubted(fit: LikelihoodFit) -> ExactDoubted | None:
     arm, at the linearised fit; None where nothing speaks against an exact arm, or the noise is not known."""
     if not fit.problem.noise.known or (links := link_columns(fit.problem, fit.x)) is None:
         return None
-    left = _Left.of(fit)
-    residual, beside = left.residual, left.beside(links)
-    dof = round(left.numbers) - left.basis.shape[1]
-    if dof <= 0:
+    left, once = _left_over(fit)
+    if left.numbers <= 0:
         return None
-    covariance = np.eye(len(residual)) + beside @ beside.T
-    chi2 = float(residual @ residual), float(residual @ np.linalg.solve(covariance, residual))
-    p_value, typical = (float(scipy.special.chdtrc(dof, each)) for each in chi2)
+    taken = float(left.of(links * once).drop(1.0)[0])
+    p_value, typical = (
+        float(scipy.special.chdtrc(left.numbers, chi2)) for chi2 in (left.chi2, left.chi2 - taken)
+    )
     if p_value >= DOUBTED or typical < AGREES:
         return None
     return ExactDoubted(p_value, typical, TYPICAL_MM, TYPICAL_DEG)
@@ -354,8 +346,8 @@ def _links_test(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
     links = link_columns(fit.problem, fit.x)
     if links is None:
         return
-    left = _Left.of(fit)
-    explained = left.explained(left.beside(links))
+    left, once = _left_over(fit)
+    explained = _f_test(left, links * once)
     if explained is not None:
         yield NominalContradicted(**vars(explained))
 
@@ -365,17 +357,17 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     problem, groups = fit.problem, placements(fit.problem)
     if len(groups) < 2:
         return
-    left, d = _Left.of(fit), problem.tool.residual_size
-    by_offsets = fit.whitened.jacobian[:, problem.parameters.free & problem.parameters.group("offset")]
+    (left, once), d = _left_over(fit), problem.tool.residual_size
+    by_offsets = fit.whitened.jacobian[:, problem.parameters.free & problem.parameters.group("offset")] * once
     by_group = []
     for group in groups:
         rows = (group.rows[:, None] * d + np.arange(d)).ravel()
         columns = np.zeros_like(by_offsets)
         columns[rows] = by_offsets[rows]
-        by_group.append(left.beside(columns))
-    explained = left.explained(np.hstack(by_group))
+        by_group.append(columns)
+    explained = _f_test(left, np.hstack(by_group))
     if explained is not None and explained.significant:
-        by_one = [float(((_range_of(columns).T @ left.residual) ** 2).sum()) for columns in by_group]
+        by_one = [left.explained(left.reached(columns), 0.5).drop[0] for columns in by_group]
         most = groups[int(np.argmax(by_one))].name
         names = tuple(group.name for group in groups)
         figures = (explained.factor, explained.rank, explained.dof, explained.p_value)
@@ -384,9 +376,3 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
 
 def _geometry(problem: Problem) -> Geometry:
     return "estimated" if problem.geometry else "nominal"
-
-
-def _range_of(columns: Matrix) -> Matrix:
-    """An orthonormal basis of the directions in which columns, by scaled parameters, reach noticeably."""
-    basis, reach, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(basis[:, reach > _REACH])

@@ -1,4 +1,5 @@
-"""Are the results the same as before a change? The demo's runs, two real arms, small studies.
+"""Are the results the same as before a change? The demo's runs, two real arms, runs with one fault each,
+checks, hold-outs, acceptance tests, repeated runs and their drift, small studies.
 
     git stash, or a checkout of the state before:   python benchmarks/same_answers.py write FOLDER
     with the change:                                python benchmarks/same_answers.py compare FOLDER
@@ -39,6 +40,31 @@ STUDIES = {
     "noise": ("--runs", 20),
     "cost": ("--runs", 20),
 }
+HEADER = """\
+robot: irb1600
+tool: {kind: laser, calibrated: true, point_mm: [0, 0, 65], direction: [1, 0, 0]}
+noise: {joint_deg: 0.01, spot_mm: 0.05}
+targets: {psd: {guess_mm: [900, 0, 100]}}
+geometry: exact
+"""
+MEASUREMENTS = 16
+# Misfits of each criterion: a key of the run's header, and what takes its place; what is added to a joint
+# (deg), or to the reading of a spot (mm), from one measurement to another.
+STATED: dict[str, dict[str, object]] = {
+    "noise-too-small": {"noise": {"joint_deg": 0.002, "spot_mm": 0.01}},
+    "noise-estimated": {"noise": {"joint_deg": 0.0005, "spot_mm": 0.0025, "scale": "estimated"}},
+    "noise-separate": {"noise": {"joint_deg": 0.001, "spot_mm": 0.005, "scale": "separate"}},
+    "prior": {"prior": {"offset_deg": 0.05}},
+    "tolerances": {"geometry": {}},
+    "change": {"geometry": {}},
+    "tight": {"geometry": {"tolerance": {"length_mm": 0.03, "angle_deg": 0.01}}},
+}
+FAULTS: dict[str, tuple[str, int, float, int, int]] = {
+    "jump": ("joints_deg", 1, 0.3, 8, MEASUREMENTS),
+    "change": ("joints_deg", 1, 0.15, 8, MEASUREMENTS),
+    "outlier": ("spot_mm", 0, 5.0, 5, 6),
+    "misread": ("joints_deg", 3, 3.0, 5, 6),
+}
 TOLERANCE = 1e-6
 SENTENCES = {"headline", "reason", "remedy", "message", "notes", "place"}
 ASIDE = {"computing_s", "seconds", "versions", "sha256"}
@@ -73,6 +99,101 @@ def runs(folder: Path) -> Iterator[tuple[str, Path]]:
         yield arm, run
 
 
+def simulated(folder: Path, name: str, seed: int, faults: str = "", geometry: str = "") -> Path:
+    """A run of the arm of `HEADER` in a cell with these faults, of an arm that deviates so."""
+    plan, run = folder / "plan.yaml", folder / f"{name}.jsonl"
+    if not plan.exists():
+        header = folder / "header.yaml"
+        header.write_text(HEADER, encoding="utf-8")
+        options = ("--shots", MEASUREMENTS, "--candidates", 200)
+        zerobeam("plan", "optimal", "--header", header, *options, "-o", plan)
+    cell_file = folder / f"{name}.yaml"
+    cell_file.write_text(
+        "schema: zerobeam/cell/1\n"
+        f"arm: {{offsets_deg: {{delta2: -1.2, delta4: 0.5}}, geometry: [{geometry}]}}\nfaults: [{faults}]\n",
+        encoding="utf-8",
+    )
+    zerobeam("run", plan, "-o", run, "--cell", cell_file, "--no-camera", "--seed", seed)
+    return run
+
+
+def faulty(run: Path, name: str) -> Path:
+    """A copy of a run with another statement in its header, or other values in some measurements."""
+    header, *measurements = map(json.loads, run.read_text(encoding="utf-8").splitlines())
+    header |= STATED.get(name, {})
+    if name in FAULTS:
+        key, place, more, first, end = FAULTS[name]
+        for measurement in measurements[first:end]:
+            measurement[key][place] += more
+    copy = run.with_name(f"{name}.jsonl")
+    copy.write_text("".join(f"{json.dumps(line)}\n" for line in (header, *measurements)), encoding="utf-8")
+    return copy
+
+
+def half(run: Path, first: int) -> Path:
+    """Every second measurement of a run."""
+    header, *measurements = run.read_text(encoding="utf-8").splitlines(keepends=True)
+    copy = run.with_name(f"{run.stem}-{first}.jsonl")
+    copy.write_text(header + "".join(measurements[first::2]), encoding="utf-8")
+    return copy
+
+
+def printed(*arguments: object) -> Any:
+    return json.loads(zerobeam(*arguments, "--json"))
+
+
+def of_faults(folder: Path) -> Iterator[tuple[str, Any]]:
+    """Runs with one fault each."""
+    run = simulated(folder, "simulated", 1)
+    for name in dict.fromkeys((*STATED, *FAULTS)):
+        yield name, printed("analyse", faulty(run, name))
+    yield "robust", printed("analyse", run.with_name("outlier.jsonl"), "--robust", "huber")
+    bump = "{kind: psd-bump, shot: 8, shift_mm: [1.5, 0.5, 0]}"
+    yield "moved-target", printed("analyse", simulated(folder, "moved-target", 1, bump))
+    links = "{joint: 2, xyz_mm: [0.15, 0, 0], rpy_deg: [0.03, 0, 0]}, {joint: 3, xyz_mm: [0.15, 0.1, 0]}"
+    deviating = simulated(folder, "links", 1, geometry=links)
+    for name in ("tolerances", "tight"):
+        yield f"links-{name}", printed("analyse", faulty(deviating, name))
+    yield "check", printed("check", folder / "plan.yaml")
+
+
+def of_predictions(folder: Path) -> Iterator[tuple[str, Any]]:
+    """What a calibration predicts of placements, of another run, and of the corrected arm."""
+    run = folder / "panda_2.jsonl"
+    yield "placement", printed("analyse", run, "--hold-out", "front_center", "--robust", "student")
+    yield "run", printed("analyse", half(run, 0), "--hold-out", half(run, 1))
+    yield "stations", printed("check", ROOT / "tests" / "support" / "tracker_by_guess.yaml")
+    calibration, plan = folder / "simulated.jsonl", folder / "verify.yaml"
+    yield "plan-verify", printed("plan", "verify", calibration, "-o", plan)
+    for name, how in (("verify", ()), ("verify-as-found", ("--as-found",))):
+        new = folder / f"{name}.jsonl"
+        zerobeam(
+            "run",
+            plan,
+            "-o",
+            new,
+            "--arm",
+            calibration,
+            "--cell",
+            calibration.with_suffix(".yaml"),
+            *how,
+            "--no-camera",
+            "--seed",
+            5,
+        )
+        yield name, printed("verify", calibration, new)
+
+
+def of_years(folder: Path) -> Iterator[tuple[str, Any]]:
+    """Repeated runs of one arm, and how it drifts."""
+    every = [folder / "simulated.jsonl", *(simulated(folder, f"again-{k}", k) for k in (2, 3, 4))]
+    yield "compare", printed("compare", *every)
+    db = f"sqlite:///{folder / 'history.sqlite'}"
+    for year, run in enumerate(every, start=2020):
+        zerobeam("history", "add", run, "--db", db, "--serial", "one", "--when", f"{year}-03-01")
+    yield "drift", printed("history", "drift", "one", "--db", db)
+
+
 def leaves(value: Any, where: str = "") -> Iterator[tuple[str, object]]:
     """Each number, name or sentence of an answer by its path."""
     key = where.rpartition(".")[2].partition("[")[0]
@@ -102,7 +223,9 @@ def same(where: str, old: dict[str, Any], new: dict[str, Any]) -> bool:
 
 def answers(folder: Path) -> Iterator[tuple[str, Any]]:
     for name, run in runs(folder):
-        yield name, json.loads(zerobeam("analyse", run, "--json"))
+        yield name, printed("analyse", run)
+    for parts in (of_faults, of_predictions, of_years):
+        yield from parts(folder)
     for study, options in STUDIES.items():
         zerobeam("study", study, *options, "-o", folder / study)
         yield f"study-{study}", json.loads((folder / study / "study.json").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..analysis.acceptance.acceptance_test import (
+from ..analysis.acceptance.acceptance import (
     POWER,
     AcceptancePrediction,
     AcceptanceResult,
@@ -20,6 +20,7 @@ from ..analysis.acceptance.measured_error import MeasuredError, measured_error
 from ..analysis.diagnostics.enter import values_to_enter
 from ..analysis.diagnostics.predicted_run import recorded_problem
 from ..analysis.estimation.threads import one_blas_thread
+from ..analysis.prediction import Predictor
 from ..analysis.solution import Solution
 from ..model.errors import BadInput, located
 from ..model.files.header import Header, StatedTarget
@@ -90,7 +91,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
     with one_blas_thread():
         solution, entered = _determined(run)
         recorded = _recorded(run, verified)
-        prediction = AcceptancePrediction(solution, recorded, entered)
+        prediction = AcceptancePrediction(Predictor.of(solution), recorded, entered)
         answer = accept(prediction, solution, _tolerances(run.header, tolerance))
         measured = measured_error(solution, recorded, entered)
     return Verified(answer, measured, run, verified)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..analysis.acceptance.acceptance_test import (
+from ..analysis.acceptance.acceptance import (
     AIM,
     FALSE_ALARM,
     POWER,
     Acceptance,
     AcceptanceResult,
     EnteredOffset,
+    LackingTest,
     Mistake,
     MistakeKind,
 )
 from ..analysis.acceptance.measured_error import MeasuredError
-from ..analysis.acceptance.outlook import LackingTest
 from . import numbers
 from .wording import counted, label, listed
 

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.arrays import Matrix
+from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
+from ..prediction import Predictor, length_rows, of_rows
 from ..solution import Solution
-from .new_measurements import NewMeasurements, of_rows
+from .acceptance import Anew
 
 # What the calibration has of new measurements, by whether an instrument read what a place is found from.
-_CARRIED = {False: ("tool",), True: ("tool", "target", "frame")}
+_CARRIED: dict[bool, tuple[Group, ...]] = {False: ("tool",), True: ("tool", "target", "frame")}
 _SAME_POSTURE = np.radians(5.0)  # a target that was moved turns the wrist by no more
 
 
@@ -58,13 +60,13 @@ class MeasuredError:
 def measured_error(solution: Solution, recorded: Problem, entered: Mapping[str, float]) -> MeasuredError:
     """Before and after at new measurements, as the corrected robot reads its joints; `entered` are the values
     that were entered, deg (mm) by offset."""
-    old = solution.problem
+    old, calibration = solution.problem, Predictor.of(solution)
     names = [recorded.targets[k] for k in recorded.target_index.tolist()]
     rows = _calibrated_rows(solution, recorded.joints, names, entered)
-    after, noise = _errors(solution, recorded)
+    after, noise = _errors(calibration, recorded)
     before: Matrix | None = None
     if all(row is not None for row in rows):
-        before, _ = _errors(solution, of_rows(old, [row for row in rows if row is not None]))
+        before, _ = _errors(calibration, of_rows(old, [row for row in rows if row is not None]))
     postures = tuple(
         PostureError(
             recorded.shot_numbers[i],
@@ -105,24 +107,13 @@ def _calibrated_rows(
     return rows
 
 
-def _errors(solution: Solution, recorded: Problem) -> tuple[Matrix, Matrix]:
+def _errors(calibration: Predictor, recorded: Problem) -> tuple[Matrix, Matrix]:
     """(N,) the lengths of the residuals of nominal geometry without offsets, with targets and frames where
     they fit best, and their standard deviations by the noise; mm."""
-    old, new = solution.problem, NewMeasurements.of(solution.problem, solution.fit.x, recorded)
+    new = Anew.of(calibration, recorded)
     problem = new.problem
-    x = problem.nominal()
-    for item in old.parameters.items:
-        if item.name in problem.parameters.names and item.group in _CARRIED[problem.recorded]:
-            x[problem.parameters.index(item.name)] = solution.fit.x[old.parameters.index(item.name)]
-    whitened = problem.whiten(new.with_places(x, lambda at: _in_mm(problem, at)))
-    noise = np.sqrt(problem.length_squares((whitened.factor**2).sum(axis=2)) / solution.fit.weight)
+    groups = [problem.parameters.group(name) for name in _CARRIED[problem.recorded]]
+    x = np.where(np.any(groups, axis=0), calibration.at_mode(problem), problem.nominal())
+    whitened = problem.whiten(new.settled(x, length_rows(problem)))
+    noise = np.sqrt(problem.length_squares((whitened.factor**2).sum(axis=2)) / calibration.weight)
     return problem.length_mm(whitened.residual_mm), noise
-
-
-def _in_mm(problem: Problem, x: Matrix) -> tuple[Matrix, Matrix]:
-    """Residuals (M,) that are lengths, mm, and their scaled Jacobian (M, p)."""
-    whitened = problem.whiten(x)
-    shape = whitened.residual_mm.shape
-    jacobian = whitened.factor @ whitened.jacobian[: whitened.residual_mm.size].reshape(*shape, -1)
-    read = problem.length_components
-    return whitened.residual_mm[read], jacobian[read]

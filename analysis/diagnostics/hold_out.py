@@ -9,7 +9,7 @@ noise or unmodelled error."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Annotated
 
@@ -19,15 +19,22 @@ from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
-from ...model.records import internal, it, key, record, worded
+from ...model.records import internal, it, key, record
 from ..estimation.fit import fit_likelihood, modes, unbiased_weight
 from ..observability.gauges import ROUNDING, information_root
 from ..placements import Placement, placements
+from ..prediction import (
+    PredictedAgainstMeasured,
+    Predictor,
+    known_factors,
+    noise_dof,
+    settled,
+    weighted_rows,
+)
 from ..recordings.recordings import Effective
 from ..recordings.steps import RecordingStep, RecordingSteps
 from ..solution import Solution
 from ..status import has_numbers
-from .prediction import p_value, predicted, settled
 
 _SEPARATORS = "_-. "
 _FEWEST = 3  # placements of a jackknife
@@ -37,48 +44,16 @@ _SETTLED = (
 )
 
 
-@record
-class HoldOut:
-    """The residuals at held-out placements, with offsets and tool from the other placements.
+@record(kw_only=True)
+class HoldOut(PredictedAgainstMeasured):
+    """The measurements at held-out placements, with offsets and tool from the others."""
 
-    `targets` are those of the held-out `placements`. `rms_mm` of the residuals once each held-out target is
-    placed, `rms_before_mm` the same without any offset, `expected_mm` what `rms_mm` would be by the noise and
-    the uncertainty of the fit; `rms_deg` and `expected_deg` are of the angles that are read; chi-squared of
-    these residuals against both. None where there is none: without degrees of freedom, or where the fit
-    without these targets did not converge, for which `failure` is the optimiser's reason.
-    """
-
-    targets: Annotated[tuple[str, ...], it("names of the held-out targets")]
     placements: Annotated[tuple[str, ...], it("names of the held-out placements")]
-    shots: Annotated[int, it("number of their measurements")]
-    shots_fitted: Annotated[int, it("number of the measurements that were fitted")]
-    rms_mm: Annotated[
-        float | None, it("of the residuals there, with the offsets of the other measurements, millimetres")
-    ]
-    rms_before_mm: Annotated[float | None, it("the same without any offset, millimetres")]
-    expected_mm: Annotated[
-        float | None, it("`rms_mm` as expected from the noise and the uncertainty of the fit, millimetres")
-    ]
-    chi2: Annotated[float | None, it("of these residuals against the noise and the uncertainty of the fit")]
-    dof: Annotated[int | None, it("degrees of freedom")]
-    p_value: Annotated[float | None, it("of χ²")]
-    failure: Annotated[str | None, internal]
-    rms_deg: Annotated[float | None, internal] = None
-    expected_deg: Annotated[float | None, internal] = None
-    message: Annotated[str | None, worded("why there is no test, or null")] = field(
-        default=None, kw_only=True
-    )
 
     @property
     @key("of a placement that was left out: its name")
     def placement(self) -> str:
         return ", ".join(self.placements)
-
-    @property
-    @key("the root of chi-squared over its degrees of freedom")
-    def factor(self) -> float | None:
-        """Root of chi-squared over its degrees of freedom."""
-        return float(np.sqrt(self.chi2 / self.dof)) if self.chi2 is not None and self.dof else None
 
 
 def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOut:
@@ -100,9 +75,8 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
     names = [name for placement in groups for name in placement.targets]
     rest = problem.without_targets(names)
     fit = fit_likelihood(rest, starts=0, seed=seed)
-    if not fit.converged:
-        return not_fitted(problem, groups, rest, fit.reason)
-    return judged(problem, groups, rest, fit.x, fit.covariance, fit.weight)
+    calibration = Predictor(rest, fit.x, fit.covariance, fit.weight, noise_dof(rest))
+    return judged(problem, groups, calibration, None if fit.converged else fit.reason)
 
 
 def chosen(every: Sequence[Placement], pattern: str) -> list[Placement]:
@@ -131,46 +105,32 @@ def chosen(every: Sequence[Placement], pattern: str) -> list[Placement]:
     )
 
 
-def not_fitted(problem: Problem, groups: Sequence[Placement], rest: Problem, reason: str) -> HoldOut:
-    """The hold-out of placements without which the fit did not converge."""
-    return HoldOut(
-        tuple(name for placement in groups for name in placement.targets),
-        tuple(placement.name for placement in groups),
-        problem.shots - rest.shots,
-        rest.shots,
-        *(None,) * 6,
-        reason,
-    )
-
-
 def judged(
-    problem: Problem,
-    groups: Sequence[Placement],
-    fitted: Problem,
-    x: Matrix,
-    covariance: Matrix,
-    weight: float,
+    problem: Problem, groups: Sequence[Placement], calibration: Predictor, failure: str | None
 ) -> HoldOut:
-    """The placements `groups` of `problem` by a fit of the problem `fitted` without them: its mode `x`, the
-    `covariance` of its scaled free parameters, and `weight` 1 / noise scale^2."""
+    """The placements `groups` of `problem` by a calibration without them, unless that did not converge."""
     names = tuple(name for placement in groups for name in placement.targets)
     held_out = problem.without_targets(set(problem.targets) - set(names))
-    moved = held_out.parameters.group("target") & held_out.parameters.free
-    before = settled(held_out, held_out.nominal(), weight, moved)
-    after = predicted(held_out, fitted.parameters, x, covariance, weight)
-    chi2, dof = after.chi2, after.dof
-    return HoldOut(
+    facts = HoldOut(
         targets=names,
         placements=tuple(placement.name for placement in groups),
         shots=held_out.shots,
-        shots_fitted=fitted.shots,
-        rms_mm=held_out.rms_mm(after.residual_mm),
+        shots_fitted=calibration.problem.shots,
+        failure=failure,
+    )
+    if failure is not None:
+        return facts
+    moved = held_out.parameters.group("target") & held_out.parameters.free
+    before = settled(held_out, held_out.nominal(), moved, weighted_rows(held_out, calibration.weight))
+    after = calibration.predict(held_out)
+    return replace(
+        facts,
+        rms_mm=after.rms_mm,
         rms_before_mm=held_out.rms_mm(held_out.linearise(before)[0]),
-        expected_mm=float(np.sqrt(after.expected.mean())),
-        chi2=chi2 if dof > 0 else None,
-        dof=dof,
-        p_value=p_value(fitted, chi2, dof) if dof > 0 else None,
-        failure=None,
+        expected_mm=after.expected_mm,
+        chi2=after.chi2 if after.dof > 0 else None,
+        dof=after.dof,
+        p_value=after.p_value,
         rms_deg=after.rms_deg,
         expected_deg=after.expected_deg,
     )
@@ -223,17 +183,16 @@ class Jackknife:
 
 @dataclass(frozen=True, eq=False)
 class FitWithoutPlacement:
-    """The fit `x` (p,) of `problem`, which lacks one placement; `reason` of how it ended.
-
-    `covariance` (f, f) is of its scaled free parameters, by Fisher's information."""
+    """The calibration by all but one `placement`, its covariance by Fisher's information; `failure` is the
+    reason where the fit did not converge."""
 
     placement: Placement
-    problem: Problem
-    x: Matrix
-    covariance: Matrix
-    weight: float
-    converged: bool
-    reason: str
+    calibration: Predictor
+    failure: str | None
+
+    @property
+    def converged(self) -> bool:
+        return self.failure is None
 
 
 def fits_without(solution: Solution) -> tuple[FitWithoutPlacement, ...]:
@@ -246,11 +205,6 @@ def fits_without(solution: Solution) -> tuple[FitWithoutPlacement, ...]:
     problem, x = known_factors(solution.problem, solution.fit.x)
     every = placements(problem)
     return tuple(fit_without(problem, x, placement) for placement in every) if len(every) > 1 else ()
-
-
-def known_factors(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
-    """A problem and its mode `x` (p,), separate noise factors taken as known."""
-    return problem.with_noise_of(x) if problem.noise.separate else (problem, x)
 
 
 def fit_without(
@@ -269,7 +223,8 @@ def fit_without(
     if rest.noise.estimated:
         prior = density.prior_information(at[None])[0]
         information = prior + (information - prior) * weight / float(density.noise_weight(at[None])[0])
-    return FitWithoutPlacement(placement, rest, at, np.linalg.inv(information), weight, converged, reason)
+    calibration = Predictor(rest, at, np.linalg.inv(information), weight, noise_dof(rest))
+    return FitWithoutPlacement(placement, calibration, None if converged else reason)
 
 
 def _scored(density: Density, start: Matrix, settled: float) -> tuple[Matrix, bool, str]:
@@ -292,12 +247,7 @@ def leave_one_out(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Le
     if not fits:
         return None
     whole, _ = known_factors(solution.problem, solution.fit.x)
-    rows = tuple(
-        judged(whole, [fit.placement], fit.problem, fit.x, fit.covariance, fit.weight)
-        if fit.converged
-        else not_fitted(whole, [fit.placement], fit.problem, fit.reason)
-        for fit in fits
-    )
+    rows = tuple(judged(whole, [fit.placement], fit.calibration, fit.failure) for fit in fits)
     return LeaveOneOut(
         rows,
         _pooled([(row.shots, row.rms_mm) for row in rows]),
@@ -330,7 +280,7 @@ def jackknife(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Jackkn
         item = problem.parameters.items[i]
         if item.held or not has_numbers(solution.status[i]):
             continue
-        values = np.array([fit.x[fit.problem.parameters.index(item.name)] for fit in fits])
+        values = np.array([fit.calibration.value(item.name) for fit in fits])
         determined = determined_by[:, i]
         u = None
         if determined.all():

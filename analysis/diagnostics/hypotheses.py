@@ -418,9 +418,9 @@ def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
         step: Matrix = np.zeros(columns.shape[1])
         if len(step):
             values = np.zeros_like(step) if not len(values) else values
-            y, gram = linear.normal(columns)
-            whole = gram + np.eye(len(step)) / suspect.size**2
-            step[:] = -np.linalg.solve(whole, y + values / suspect.size**2)
+            tried = linear.of(columns)
+            whole = tried.gram[0] + np.eye(len(step)) / suspect.size**2
+            step[:] = -np.linalg.solve(whole, tried.y[0] + values / suspect.size**2)
             values = values + step
             occam = (
                 float(np.linalg.slogdet(suspect.size**2 * whole)[1] + (values @ values) / suspect.size**2) / 2

@@ -6,7 +6,7 @@ alone has are estimated from its measurements, and what they take up is no predi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -16,13 +16,11 @@ from ...model.errors import BadInput
 from ...model.files.header import Header, StatedGeometry
 from ...model.files.run import Run
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
-from ...model.records import internal, it, record, worded
+from ...model.records import it, record
 from ..estimation.fit import fit_likelihood
+from ..prediction import PredictedAgainstMeasured, PredictedResiduals, Predictor
 from ..solution import Solution
-from .hold_out import known_factors
-from .prediction import HeldOutResiduals, carried_over, p_value, predicted
 
 UNKNOWN = 10.0  # times the noise of a measurement: a prediction with a larger u is none
 _TAKEN_UP = 1e-6  # of the noise: what is left of it at a target that its measurements only just determine
@@ -34,7 +32,7 @@ _FREE_TO_DIFFER = frozenset(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PredictedMeasurement:
     """A measurement of the other run. Lengths of residuals in mm: `error_mm` with the parameters of the fit,
     `before_mm` with nominal ones, `expected_mm` as noise and the fit's uncertainty let expect; `u_mm` is the
@@ -45,27 +43,24 @@ class PredictedMeasurement:
 
     shot: int
     target: str
-    error_mm: float | None
-    before_mm: float | None
-    expected_mm: float | None
+    error_mm: float | None = None
+    before_mm: float | None = None
+    expected_mm: float | None = None
     u_mm: float
 
 
-@record
-class PredictedRun:
+@record(kw_only=True)
+class PredictedRun(PredictedAgainstMeasured):
     """Another run, of the file `run`, as the fit predicts it.
 
     `targets_placed` are those that only the other run has. `unknown` are the numbers of measurements whose
     prediction is not determined, `taken_up` of those that are needed to place their target: neither is in
-    the numbers. `rms_mm`, `median_mm` and `max_mm` are of the errors of all others, `rms_before_mm` and so on
-    with nominal values, `expected_mm` and `u_mm` root mean squares too. Numbers are None where there is none;
-    `rms_deg` and `expected_deg` are of the angles that are read. `failure` is the optimiser's reason where
-    the fit did not converge.
+    the numbers. `median_mm` and `max_mm` are of the errors of all others, as `rms_mm`; `median_before_mm` and
+    `max_before_mm` with nominal values; `u_mm` is the root mean square of the prediction's uncertainty.
     """
 
     run: Annotated[str, it("name of the other run")]
     sha256: Annotated[str, it("of the other run")]
-    targets: Annotated[tuple[str, ...], it("of another run: its targets")]
     targets_placed: Annotated[
         tuple[str, ...],
         it(
@@ -73,8 +68,6 @@ class PredictedRun:
             "components of the residuals that this takes up do not count"
         ),
     ]
-    shots: Annotated[int, it("of another run: number of its measurements")]
-    shots_fitted: Annotated[int, it("of another run: number of the measurements of the analysed run")]
     unknown: Annotated[
         tuple[int, ...],
         it(
@@ -89,27 +82,10 @@ class PredictedRun:
             " is no prediction"
         ),
     ] = ()
-    rms_mm: Annotated[
-        float | None,
-        it(
-            "of another run: of the errors of the prediction, the lengths of the residuals at the "
-            "joint positions as recorded"
-        ),
-    ] = None
-    median_mm: Annotated[float | None, it("of the same errors, millimetres")] = None
+    median_mm: Annotated[float | None, it("of the same errors as `rms_mm`, millimetres")] = None
     max_mm: Annotated[float | None, it("of the same errors, millimetres")] = None
-    rms_before_mm: Annotated[
-        float | None,
-        it(
-            "of another run: with nominal joints and links, targets and free tool fitted to the "
-            "analysed run, millimetres; null where that fit did not converge"
-        ),
-    ] = None
-    median_before_mm: Annotated[float | None, it("likewise, millimetres")] = None
+    median_before_mm: Annotated[float | None, it("of the same errors as `rms_before_mm`, millimetres")] = None
     max_before_mm: Annotated[float | None, it("likewise, millimetres")] = None
-    expected_mm: Annotated[
-        float | None, it("of another run: `rms_mm` as expected from the noise and `u_mm`, millimetres")
-    ] = None
     u_mm: Annotated[
         float | None,
         it(
@@ -117,11 +93,6 @@ class PredictedRun:
             "millimetres"
         ),
     ] = None
-    chi2: Annotated[
-        float | None, it("of these residuals against the noise and the uncertainty of the fit")
-    ] = None
-    dof: Annotated[int | None, it("degrees of freedom")] = None
-    p_value: Annotated[float | None, it("of χ²")] = None
     measurements: Annotated[
         tuple[PredictedMeasurement, ...],
         it(
@@ -129,17 +100,6 @@ class PredictedRun:
             "there is no prediction) and `u_mm`"
         ),
     ] = ()
-    failure: Annotated[str | None, internal] = None
-    rms_deg: Annotated[float | None, internal] = None
-    expected_deg: Annotated[float | None, internal] = None
-    message: Annotated[str | None, worded("why there is no test, or null")] = field(
-        default=None, kw_only=True
-    )
-
-    @property
-    def factor(self) -> float | None:
-        """Root of chi-squared over its degrees of freedom."""
-        return float(np.sqrt(self.chi2 / self.dof)) if self.chi2 is not None and self.dof else None
 
 
 def require_predictable(run: Run, other: Run) -> None:
@@ -228,40 +188,40 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
     """The measurements of `recorded`, a problem of the same robot and instrument, as the solution predicts
     them."""
     fitted = solution.problem
-    known, _ = known_factors(solution.problem, solution.fit.x)
-    placed = tuple(target for target in recorded.targets if target not in fitted.targets)
-    facts = PredictedRun(name, sha256, recorded.targets, placed, recorded.shots, fitted.shots)
+    facts = PredictedRun(
+        run=name,
+        sha256=sha256,
+        targets=recorded.targets,
+        targets_placed=tuple(target for target in recorded.targets if target not in fitted.targets),
+        shots=recorded.shots,
+        shots_fitted=fitted.shots,
+    )
     if not solution.converged:
         return replace(facts, failure=solution.fit.reason)
-    weight = solution.fit.weight if known.noise.estimated else 1.0
-    carried = carrying(known, recorded, set(placed))
-    problem = carried.weighted(np.full(carried.shots, float(known.weights.mean())))
-    nominal = _nominal(known)
-
-    def by_fit(one: Problem) -> HeldOutResiduals:
-        return predicted(one, fitted.parameters, solution.fit.x, solution.fit.covariance, weight)
-
-    every = by_fit(problem)
+    calibration = Predictor.of(solution)
+    problem = calibration.carried(recorded)
+    problem = problem.weighted(np.full(problem.shots, float(fitted.weights.mean())))
+    every = calibration.predict(problem)
     u = np.sqrt(every.by_fit)
     determined = every.by_fit <= UNKNOWN**2 * every.noise
     kept = np.flatnonzero(determined)
-    rows: dict[int, tuple[float, float, float | None]] = {}
+    rows: dict[int, dict[str, float | None]] = {}
     left = np.zeros(0, dtype=bool)
     if len(kept):
         rest = problem.select(kept)
-        after = by_fit(rest)
+        after, before = calibration.predict(rest), _before(calibration, rest)
         left = after.expected > _TAKEN_UP**2 * after.noise
         errors = rest.length_mm(after.residual_mm)
-        before = None if nominal is None else _errors(rest, *nominal, weight)
-        for i, row in enumerate(kept.tolist()):
-            if left[i]:
-                expected = float(np.sqrt(after.expected[i]))
-                rows[row] = float(errors[i]), expected, None if before is None else float(before[i])
+        for i in np.flatnonzero(left):
+            rows[int(kept[i])] = {
+                "error_mm": float(errors[i]),
+                "before_mm": None if before is None else float(before[i]),
+                "expected_mm": float(np.sqrt(after.expected[i])),
+            }
         facts = _with_statistics(facts, errors, before, after, left)
         facts = replace(facts, rms_deg=after.rms_deg, expected_deg=after.expected_deg)
         if after.dof > 0:
-            p = p_value(known, after.chi2, after.dof)
-            facts = replace(facts, chi2=after.chi2, dof=after.dof, p_value=p)
+            facts = replace(facts, chi2=after.chi2, dof=after.dof, p_value=after.p_value)
     numbers = problem.shot_numbers
     return replace(
         facts,
@@ -271,10 +231,8 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
             PredictedMeasurement(
                 shot=numbers[i],
                 target=problem.targets[problem.target_index[i]],
-                error_mm=rows[i][0] if i in rows else None,
-                before_mm=rows[i][2] if i in rows else None,
-                expected_mm=rows[i][1] if i in rows else None,
                 u_mm=float(u[i]),
+                **rows.get(i, {}),
             )
             for i in range(problem.shots)
         ),
@@ -282,7 +240,7 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
 
 
 def _with_statistics(
-    facts: PredictedRun, errors: Matrix, before: Matrix | None, after: HeldOutResiduals, left: Mask
+    facts: PredictedRun, errors: Matrix, before: Matrix | None, after: PredictedResiduals, left: Mask
 ) -> PredictedRun:
     """With root mean square, median and largest of the errors (N,) mm of the measurements `left` (N,)."""
     if not left.any():
@@ -308,41 +266,18 @@ def _with_statistics(
     )
 
 
-def carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
-    """`recorded` with the noise, priors and functions of the problem that was fitted; of the ties those to
-    the targets `placed`: others are already in the fit."""
-    fitted = zip(known.tool.noises, known.noise.readings, strict=True)
-    stds = {(each.label, each.name): std for each, std in fitted}
-    others = zip(recorded.tool.noises, recorded.noise.readings, strict=True)
-    readings = np.array([stds.get((each.label, each.name), std) for each, std in others])
-    noise = replace(known.noise, readings=readings)
-    silent = replace(recorded, noise=noise, parameters=recorded.parameters.without("noise"))
-    problem = silent.with_geometry(known.geometry)
-    ours = dict(zip(known.parameters.names, known.parameters.items, strict=True))
-    return replace(
-        problem,
-        parameters=Parameters(tuple(ours.get(item.name, item) for item in problem.parameters.items)),
-        ties=tuple(
-            tie
-            for tie in recorded.ties
-            if {recorded.targets[tie.first], recorded.targets[tie.second]} & placed
-        ),
-    )
-
-
-def _nominal(known: Problem) -> tuple[Problem, Matrix] | None:
-    """The problem that was fitted, and its fit with nominal joints and links: targets and what is free of the
-    tool as their measurements then ask for. None where that does not converge."""
+def _before(calibration: Predictor, problem: Problem) -> Matrix | None:
+    """(N,) mm the lengths of the residuals with nominal joints and links: what the calibration placed is as
+    its measurements then ask for, and so is what is free of the tool. None where that does not converge."""
+    known = calibration.problem
     arm = np.zeros(len(known.parameters), dtype=bool)
     arm[known.parameters.arm] = True
     held = replace(known, parameters=known.parameters.holding(arm | ~known.parameters.free))
-    if not held.parameters.free.any():
-        return held, held.parameters.prior_mean
-    fit = fit_likelihood(held, starts=0)
-    return (held, fit.x) if fit.converged else None
-
-
-def _errors(problem: Problem, fitted: Problem, x: Matrix, weight: float) -> Matrix:
-    """(N,) mm the lengths of the residuals of `problem` by the values `x` of the parameters of `fitted`."""
-    at = carried_over(problem, fitted.parameters, x, weight)
-    return problem.length_mm(problem.linearise(at)[0])
+    x = held.parameters.prior_mean
+    if held.parameters.free.any():
+        fit = fit_likelihood(held, starts=0)
+        if not fit.converged:
+            return None
+        x = fit.x
+    nominal = replace(calibration, problem=held, x=x)
+    return problem.length_mm(problem.linearise(nominal.placed(problem))[0])

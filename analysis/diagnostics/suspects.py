@@ -1,13 +1,8 @@
 """What may be wrong by a small amount: each suspect adds columns to the residuals, with a normal prior.
 
-At the mode of the model as recorded the whitened residuals are r, their Jacobian by the scaled parameters is
-A, and C = (A'A + I)^-1. A suspect that adds B b to the residuals, b normal with the standard deviation s, has
-the evidence (log ratio of marginal likelihoods, of a linear model)
-
-    y' (G + I / s^2)^-1 y / 2 - log det(I + s^2 G) / 2,    y = B'r,  G = B'B - B'A C A'B
-
-since (I - A C A') r0 = r for the residuals r0 at the prior means. Nothing is fitted to know it. How large the
-error may be is not known to a factor: the best of a few sizes s counts, at the price of a choice among them.
+At the mode of the model as recorded a suspect that adds B b to the residuals, b normal with the standard
+deviation s, has the evidence of `left_over`. Nothing is fitted to know it. How large the error may be is not
+known to a factor: the best of a few sizes s counts, at the price of a choice among them.
 """
 
 from __future__ import annotations
@@ -22,8 +17,9 @@ from ...model.arrays import Index, Matrix
 from ...model.likelihood.geometry import ANGLES, BENDING
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
+from ..left_over import Hypotheses
 from ..observability.biases import Linearised, revolute
-from ..observability.changes import FEWEST, after, elapsed
+from ..observability.changes import FEWEST, elapsed
 from .cause import Cause
 
 # Standard deviations that are tried, from a little more than what is typical upwards.
@@ -76,11 +72,8 @@ class Linear(Linearised):
     """A fit at known noise, linearised at its mode x (p,), the measurements in their order in time."""
 
     def __init__(self, problem: Problem, x: Matrix) -> None:
-        super().__init__(problem, x)
-        self.x, parameters = x, problem.parameters
-        z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
-        # Of a point that is not quite the mode: the residuals there, by one step of Gauss and Newton's.
-        self.residual = self.residual - self.free @ (self.covariance @ (self.free.T @ self.residual + z))
+        super().__init__(problem, x, settled=True)
+        self.x = x
 
     @cached_property
     def at_prior_means(self) -> Matrix:
@@ -113,11 +106,11 @@ def suspects(linear: Linear) -> list[Suspect]:
 # Evidence
 
 
-def _best(y: Matrix, gram: Matrix, sizes: Sequence[float]) -> list[tuple[float, int, float]]:
-    """Evidence, index and size of the best two of H suspects with y (H, k) and G (H, k, k)."""
+def _best(tried: Hypotheses, sizes: Sequence[float]) -> list[tuple[float, int, float]]:
+    """Evidence, index and size of the best two."""
     rows = []
     for size in sizes:
-        values = log_evidence(y, gram, size)
+        values = tried.log_evidence(size)
         rows += [(float(values[i]), int(i), size) for i in np.argsort(-values)[:2]]
     best: dict[int, tuple[float, int, float]] = {}
     for row in sorted(rows, reverse=True):
@@ -125,22 +118,15 @@ def _best(y: Matrix, gram: Matrix, sizes: Sequence[float]) -> list[tuple[float, 
     return list(best.values())[:2]
 
 
-def log_evidence(y: Matrix, gram: Matrix, size: float) -> Matrix:
-    """(H,) of suspects with y (H, k), G (H, k, k) and the prior std `size`."""
-    k = gram.shape[-1]
-    whole = np.eye(k) + size**2 * gram
-    gain = size**2 * (y * np.linalg.solve(whole, y[..., None])[..., 0]).sum(axis=-1)
-    return np.asarray((gain - np.linalg.slogdet(whole)[1]) / 2)
-
-
 def _suspects(
-    y: Matrix, gram: Matrix, sizes: Sequence[float], made: Callable[[int], Suspect], unit: float = 1.0
+    tried: Hypotheses, sizes: Sequence[float], made: Callable[[int], Suspect], unit: float = 1.0
 ) -> Iterator[Suspect]:
     """The best two of a kind, each made by its index; sizes in units of `unit`."""
-    if not len(y):
+    count = len(tried.y)
+    if not count:
         return
-    price = float(np.log(len(y) * len(sizes)))
-    for evidence, index, size in _best(y, gram, [size * unit for size in sizes]):
+    price = float(np.log(count * len(sizes)))
+    for evidence, index, size in _best(tried, [size * unit for size in sizes]):
         yield replace(made(index), size=size, evidence=evidence - price, log_choices=price, unit=1 / unit)
 
 
@@ -148,19 +134,7 @@ def _made(cause: Cause, columns: Columns, corrected: Corrected, **more: object) 
     return Suspect(cause, columns, corrected, 0.0, 0.0, 0.0, **more)  # type: ignore[arg-type]
 
 
-def _each(linear: Linear, columns: Matrix) -> tuple[Matrix, Matrix]:
-    """y (H, 1) and G (H, 1, 1) of H suspects with a column each, (M, H)."""
-    through = linear.free.T @ columns
-    gram = (columns**2).sum(axis=0) - (through * (linear.covariance @ through)).sum(axis=0)
-    return (columns.T @ linear.residual)[:, None], gram[:, None, None]
-
-
 # Changes between two measurements
-
-
-def _after(linear: Linear, parts: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
-    """y (C, k) and G (C, k, k) of a change at each place between `rows`, of columns (N, d, k)."""
-    return after(parts[rows], linear.roots[rows], linear.shots_residual[rows], linear.covariance)
 
 
 def _jumps(linear: Linear) -> Iterator[Suspect]:
@@ -171,8 +145,7 @@ def _jumps(linear: Linear) -> Iterator[Suspect]:
         joints = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == kind]
         if changes < 1 or not joints:
             continue
-        parts = [_after(linear, linear.by_joints[:, :, [i]], order) for i in joints]
-        y, gram = (np.concatenate(part) for part in zip(*parts, strict=True))
+        parts = [linear.after(linear.by_joints[:, :, [i]], order, FEWEST) for i in joints]
 
         def made(index: int, joints: list[int] = joints) -> Suspect:
             joint, at = joints[index // changes], index % changes + FEWEST
@@ -180,7 +153,8 @@ def _jumps(linear: Linear) -> Iterator[Suspect]:
             late[order[at:]] = 1.0
             return _of_joint("jump", joint, late[:, None], measurements=_around(problem, order, at))
 
-        yield from _suspects(y, gram, _ANGLES if kind == "revolute" else _MM, made, unit)
+        sizes = _ANGLES if kind == "revolute" else _MM
+        yield from _suspects(Hypotheses.stacked(parts), sizes, made, unit)
 
 
 def _around(problem: Problem, rows: Index, at: int) -> tuple[int, int]:
@@ -237,7 +211,7 @@ def _moved_targets(linear: Linear) -> Iterator[Suspect]:
         rows = linear.order[problem.target_index[linear.order] == k]
         if len(rows) < 2 * FEWEST:
             continue
-        y, gram = _after(linear, linear.by_target, rows)
+        tried = linear.after(linear.by_target, rows, FEWEST)
 
         def made(index: int, rows: Index = rows, name: str = name) -> Suspect:
             late = np.zeros(problem.shots)
@@ -245,7 +219,7 @@ def _moved_targets(linear: Linear) -> Iterator[Suspect]:
             around = _around(problem, rows, index + FEWEST)
             return _of_place("moved_target", late, targets=(name,), measurements=around)
 
-        for suspect in _suspects(y, gram, _MM, made):
+        for suspect in _suspects(tried, _MM, made):
             yield replace(suspect, log_choices=suspect.log_choices + np.log(len(problem.targets)))
 
 
@@ -257,20 +231,21 @@ def _outliers(linear: Linear) -> Iterator[Suspect]:
     gone: list[int] = []
     count = linear.problem.shots
     for _ in range(min(_MOST_OUTLIERS, max(1, count // 6))):
-        y, gram = _with_each(linear, gone)
+        tried = _with_each(linear, gone)
         price = float(sum(np.log((count - k) / (k + 1)) for k in range(len(gone) + 1)) + np.log(len(_MM)))
-        evidence, index, size = _best(y, gram, _MM)[0]
+        evidence, index, size = _best(tried, _MM)[0]
         gone = [*gone, index]
         yield replace(_without(linear, gone), size=size, evidence=evidence - price, log_choices=price)
 
 
-def _with_each(linear: Linear, gone: list[int]) -> tuple[Matrix, Matrix]:
-    """y (N, k) and G (N, k, k) of each measurement off together with those `gone`."""
+def _with_each(linear: Linear, gone: list[int]) -> Hypotheses:
+    """Each measurement off together with those `gone`."""
     parts, d, count = linear.by_spot, linear.size, linear.problem.shots
-    through = linear.roots.transpose(0, 2, 1) @ parts  # (N, f, d)
-    slopes = np.einsum("ndk,nd->nk", parts, linear.shots_residual)
+    residual, roots = linear.by_shots
+    through = roots.transpose(0, 2, 1) @ parts  # (N, f, d)
+    slopes = np.einsum("ndk,nd->nk", parts, residual)
     k = d * (len(gone) + 1)
-    y, every = np.zeros((count, k)), np.zeros((count, linear.covariance.shape[0], k))
+    y, every = np.zeros((count, k)), np.zeros((count, roots.shape[2], k))
     gram = np.zeros((count, k, k))
     for index, i in enumerate([*gone, None]):
         at = slice(d * index, d * index + d)
@@ -278,10 +253,10 @@ def _with_each(linear: Linear, gone: list[int]) -> tuple[Matrix, Matrix]:
         every[:, :, at] = through if i is None else through[i]
         square = parts.transpose(0, 2, 1) @ parts
         gram[:, at, at] = square if i is None else square[i]
-    gram -= every.transpose(0, 2, 1) @ linear.covariance @ every
+    gram -= every.transpose(0, 2, 1) @ every
     if gone:  # one that is off already is not off again
         y[gone], gram[gone] = 0.0, 0.0
-    return y, gram
+    return Hypotheses(y, gram)
 
 
 def _without(linear: Linear, gone: Sequence[int]) -> Suspect:
@@ -308,23 +283,25 @@ def _of_motion(linear: Linear) -> Iterator[Suspect]:
     gains = np.stack(
         [(linear.by_joints[:, :, i] * problem.joints[:, [i]]) for i in range(problem.robot.n)], axis=-1
     )
-    y, gram = _each(linear, linear.rows(gains))
-    yield from _suspects(y, gram, _SHARES, lambda i: _of_joint("gain", i, problem.joints[:, [i]]))
+    tried = linear.each(linear.rows(gains))
+    yield from _suspects(tried, _SHARES, lambda i: _of_joint("gain", i, problem.joints[:, [i]]))
     lag = np.einsum("ndi,ni->nd", linear.by_joints, motions)[:, :, None]
-    y, gram = _each(linear, linear.rows(lag))
-    yield from _suspects(y, gram, _SHARES, lambda _: _of_all_joints("lag", motions[:, :, None]))
+    tried = linear.of(linear.rows(lag))
+    yield from _suspects(tried, _SHARES, lambda _: _of_all_joints("lag", motions[:, :, None]))
     sides = np.sign(motions)
     slack = linear.by_joints[:, :, turning] * sides[:, None, turning]
     unit = float(np.radians(1.0))
-    y, gram = _each(linear, linear.rows(slack))
     yield from _suspects(
-        y, gram, _BACKLASH, lambda k: _of_joint("backlash", turning[k], sides[:, [turning[k]]]), unit
+        linear.each(linear.rows(slack)),
+        _BACKLASH,
+        lambda k: _of_joint("backlash", turning[k], sides[:, [turning[k]]]),
+        unit,
     )
-    y, gram = linear.normal(linear.rows(slack))
     courses = np.zeros((problem.shots, problem.robot.n, len(turning)))
     for k, i in enumerate(turning):
         courses[:, i, k] = sides[:, i]
-    yield from _suspects(y[None], gram[None], _BACKLASH, lambda _: _of_all_joints("backlash", courses), unit)
+    together = linear.of(linear.rows(slack))
+    yield from _suspects(together, _BACKLASH, lambda _: _of_all_joints("backlash", courses), unit)
 
 
 def _of_all_joints(cause: Cause, courses: Matrix) -> Suspect:
@@ -347,21 +324,20 @@ def _drifts(linear: Linear) -> Iterator[Suspect]:
     for kind, unit in (("revolute", float(np.radians(1.0))), ("prismatic", 1.0)):
         joints = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == kind]
         if joints:
-            y, gram = _each(linear, linear.rows(linear.by_joints[:, :, joints] * passed[:, None, None]))
+            tried = linear.each(linear.rows(linear.by_joints[:, :, joints] * passed[:, None, None]))
             made = lambda k, joints=joints: _of_joint("drift", joints[k], passed[:, None])  # noqa: E731
-            yield from _suspects(y, gram, _ANGLES if kind == "revolute" else _MM, made, unit)
+            yield from _suspects(tried, _ANGLES if kind == "revolute" else _MM, made, unit)
     parts = []
     for k in range(len(problem.targets)):
         course = passed * (problem.target_index == k)
-        parts.append(linear.normal(linear.rows(linear.by_target * course[:, None, None])))
+        parts.append(linear.of(linear.rows(linear.by_target * course[:, None, None])))
     if parts:
-        y, gram = (np.array(part) for part in zip(*parts, strict=True))
 
         def of_target(k: int) -> Suspect:
             course = passed * (problem.target_index == k)
             return _of_place("drift", course, targets=(problem.targets[k],))
 
-        yield from _suspects(y, gram, _MM, of_target)
+        yield from _suspects(Hypotheses.stacked(parts), _MM, of_target)
 
 
 # Parameters beyond their tolerances
@@ -377,9 +353,9 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
         tilts = [i for i, item in items if item.group == "tool" and item.unit == "deg"]
         for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
             if which:
-                y, gram = linear.normal(linear.by_parameters(which))
+                tried = linear.of(linear.by_parameters(which))
                 suspect = _of_prior(parameters, which, "tool", of=of)
-                yield from _suspects(y[None], gram[None], sizes, partial(_itself, suspect), scale)
+                yield from _suspects(tried, sizes, partial(_itself, suspect), scale)
     for angle in (False, True):
         which = [
             i
@@ -392,14 +368,14 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
             and item.of != f"link{linear.problem.robot.n}"
         ]
         if which:
-            y, gram = _each(linear, linear.by_parameters(which))
+            tried = linear.each(linear.by_parameters(which))
 
             def made(k: int, which: list[int] = which) -> Suspect:
                 item = parameters.items[which[k]]
                 number = int(item.of.removeprefix("link"))
                 return _of_prior(parameters, [which[k]], "length", joints=(number,), of=item.name)
 
-            yield from _suspects(y, gram, _TILTS if angle else _MM, made, unit if angle else 1.0)
+            yield from _suspects(tried, _TILTS if angle else _MM, made, unit if angle else 1.0)
 
 
 def _itself(suspect: Suspect, _: int) -> Suspect:
@@ -436,12 +412,10 @@ def _tolerances(linear: Linear) -> Iterator[Suspect]:
     for cause, which in (("geometry", others), *groups):
         if not which:
             continue
-        y, gram = linear.normal(linear.jacobian[:, which])
-        rows = [
-            (float(log_evidence(y[None], gram[None], float(np.sqrt(times**2 - 1)))[0]), times)
-            for times in _TIMES
-        ]
-        evidence, times = max(rows)
+        tried = linear.of(linear.jacobian[:, which])
+        evidence, times = max(
+            (float(tried.log_evidence(float(np.sqrt(times**2 - 1)))[0]), times) for times in _TIMES
+        )
         price = float(np.log(len(_TIMES)))
 
         def corrected(linear: Linear, _: Matrix, which: list[int] = which, times: float = times) -> Problem:
@@ -451,19 +425,14 @@ def _tolerances(linear: Linear) -> Iterator[Suspect]:
             return replace(linear.problem, parameters=Parameters(tuple(items)))
 
         suspect = _made(cause, _no_columns, corrected)
-        freed = _effective(gram, times**2 - 1)
+        freed = tried.freed(float(np.sqrt(times**2 - 1)))
         yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times, freed=freed)
-
-
-def _effective(gram: Matrix, variance: float) -> float:
-    """The effective number of parameters with that prior variance: the trace of the reduction."""
-    return float(len(gram) - np.trace(np.linalg.inv(np.eye(len(gram)) + variance * gram)))
 
 
 def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
     """Links of an exact arm within their typical tolerances."""
-    y, gram = linear.normal(linear.jacobian[:, which])
-    evidence = float(log_evidence(y[None], gram[None], 1.0)[0])
+    tried = linear.of(linear.jacobian[:, which])
+    evidence = float(tried.log_evidence(1.0)[0])
 
     def corrected(linear: Linear, _: Matrix) -> Problem:
         items = list(linear.problem.parameters.items)
@@ -472,7 +441,7 @@ def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
         return replace(linear.problem, parameters=Parameters(tuple(items)))
 
     suspect = _made("geometry", _no_columns, corrected)
-    yield replace(suspect, evidence=evidence, fixed_amount=1.0, freed=_effective(gram, 1.0))
+    yield replace(suspect, evidence=evidence, fixed_amount=1.0, freed=tried.freed(1.0))
 
 
 def _noise(linear: Linear) -> Iterator[Suspect]:
@@ -507,13 +476,13 @@ def _spots(linear: Linear) -> Iterator[Suspect]:
     for name, axes in _TURNED.items():
         spots = problem.spots @ np.array(axes, dtype=float)
         columns = linear.rows(linear.by_spot * (spots - problem.spots)[:, None, :]).sum(axis=1)
-        y, gram = linear.normal(columns[:, None])
+        tried = linear.of(columns[:, None])
 
         def corrected(linear: Linear, _: Matrix, spots: Matrix = spots) -> Problem:
             return replace(linear.problem, spots=spots)
 
         suspect = _made("spot", _no_columns, corrected, of=name)
-        evidence = -float(y[0] + gram[0, 0] / 2) - price
+        evidence = -float(tried.y[0, 0] + tried.gram[0, 0, 0] / 2) - price
         yield replace(suspect, evidence=evidence, log_choices=price, fixed_amount=0.0)
 
 

@@ -15,76 +15,14 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.arrays import Index, Mask, Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density, density_of
 from ...model.likelihood.problem import Problem, Whitened
 from .climb import MOST_STEPS, Climb, compiled_climb
 from .coordinates import flange_coordinates
-from .levenberg_marquardt import Minima, least_squares, levenberg_marquardt
+from .levenberg_marquardt import Minima
 from .noise_factors import marginal_noise
 from .threads import threads
-
-_REFRESHES = 30
-_SETTLED = 1e-6  # prior stds
-
-
-def eliminated(problem: Problem, start: Matrix) -> Matrix:
-    """x (p,) from `start` (p,): offsets and tool by Levenberg-Marquardt, the targets in closed form.
-
-    A residual is linear in its target: with the weights S^-1 kept, the targets that go with given offsets and
-    tool are a linear least-squares solution (variable projection: Golub & Pereyra 1973, with Kaufman's
-    Jacobian). The weights are refreshed until they settle.
-
-    Raises ValueError where the elimination is not exact: stated distances or angles, or noise that is a
-    parameter.
-    """
-    if problem.ties or problem.noise.separate:
-        raise ValueError("targets are not eliminated from stated distances or noise factors")
-    parameters = problem.parameters
-    targets = parameters.group("target") & parameters.free
-    rest = parameters.free & ~targets
-    x = start.copy()
-    for _ in range(_REFRESHES):
-        refreshed = _projected(problem, x, targets, rest)
-        moved = np.abs((refreshed - x) / parameters.prior_std)[rest].max(initial=0.0)
-        x = refreshed
-        if moved < _SETTLED:
-            break
-    return x
-
-
-def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix:
-    """x (p,) where the weights of `x` are kept."""
-    parameters = problem.parameters
-    scale, mean = parameters.prior_std, parameters.prior_mean
-    factor = problem.whiten(x).factor
-    root = float(np.sqrt(Density(problem).noise_weight(x[None])[0]))
-    count = int(targets.sum())
-
-    def at(point: Matrix) -> tuple[Whitened, Matrix, Matrix]:
-        """At x = own (p,): residuals and the targets' columns, both with the targets' priors below."""
-        whitened = problem.whiten(point, factor)
-        residuals = np.append(whitened.residual * root, (point - mean)[targets] / scale[targets])
-        return whitened, residuals, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
-
-    def with_targets(z: Matrix) -> Matrix:
-        """x with offsets and tool at z, and the targets that are best for them."""
-        point = x.copy()
-        point[rest] = mean[rest] + z * scale[rest]
-        _, residuals, columns = at(point)
-        point[targets] -= np.linalg.lstsq(columns, residuals, rcond=None)[0] * scale[targets]
-        return point
-
-    def residual(z: Matrix, _: Index) -> tuple[Matrix, Matrix]:
-        whitened, residuals, columns = at(with_targets(z[0]))
-        by_rest = np.vstack([whitened.jacobian[:, rest] * root, np.zeros((count, z.shape[1]))])
-        basis, _ = np.linalg.qr(columns)
-        by_rest -= basis @ (basis.T @ by_rest)  # what the targets do not take up
-        return np.append(residuals, z[0])[None], np.vstack([by_rest, np.eye(z.shape[1])])[None]
-
-    z = (x - mean)[rest] / scale[rest]
-    return with_targets(levenberg_marquardt(least_squares(residual), z[None], tolerance=1e-12).x[0])
-
 
 _SAME_TOP = 0.01  # posterior stds: the way up ends within a thousandth of the top
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
@@ -211,30 +149,23 @@ def fit_p_value(problem: Problem, residual: Matrix, z: Matrix) -> float:
     return float(scipy.special.chdtrc(problem.measured_size, float(residual @ residual + z @ z)))
 
 
-def fit_likelihood(
-    problem: Problem, *, starts: int = STARTS, seed: int = 0, eliminate_targets: bool = False
-) -> LikelihoodFit:
+def fit_likelihood(problem: Problem, *, starts: int = STARTS, seed: int = 0) -> LikelihoodFit:
     """Fit from zero offsets and from `starts` further points drawn from the priors; the best mode wins.
 
     If that contradicts noise and priors, with few numbers, the best may be elsewhere: more starts are tried.
-
-    With `eliminate_targets` the way up is searched in offsets and tool alone (`elimination`); the mode is the
-    same. Raises ValueError where the elimination is not exact.
     """
-    if problem.noise.separate and not eliminate_targets:
+    if problem.noise.separate:
         return _with_noise_factors(
             problem, problem.nominal(), lambda known, _: fit_likelihood(known, starts=starts, seed=seed)
         )
     density = density_of(problem)
     z = _start_points(density.size, starts, seed)
     start = start_at(problem, z)
-    if eliminate_targets:
-        start = np.array([eliminated(problem, x) for x in start])
     fits = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
     fit = _best_of(problem, fits, 0, len(z))
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
     if doubtful and fit.p_value is not None and fit.p_value < CONTRADICTED:
-        return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
+        return fit_likelihood(problem, starts=MANY_STARTS, seed=seed)
     return fit
 
 

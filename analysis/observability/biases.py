@@ -7,17 +7,16 @@ what it moves are independent of each other, as of any linear model with normal 
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
+from ..left_over import LeftOver
 from ..recordings.recordings import by_targets
 
 
-class Linearised:
+class Linearised(LeftOver):
     """A fit at x (p,): the whitened residuals r (M,) with their Jacobians by the scaled parameters, `free`
     (M, f) = A by those that are estimated, and the `covariance` C (f, f) of these, priors included.
 
@@ -25,19 +24,32 @@ class Linearised:
     (N, d, 3), mm; `roots` (N, d, f) by the parameters. `order` (N,) are the measurements as time goes.
     """
 
-    def __init__(self, problem: Problem, x: Matrix, rival: Matrix | None = None) -> None:
+    def __init__(
+        self, problem: Problem, x: Matrix, rival: Matrix | None = None, *, settled: bool = False
+    ) -> None:
         """`rival` (M, g) are whitened columns of what else may explain the residuals, times its prior stds:
-        it is fitted as well, by one linear step."""
+        it is fitted as well, by one linear step. So is all, of a point that is not quite the mode, where that
+        is asked for (`settled`)."""
         self.problem = problem
         whitened = problem.whiten(x)
-        self.residual, self.jacobian, self.factor = whitened.residual, whitened.jacobian, whitened.factor
-        self.free = self.jacobian[:, problem.parameters.free]
+        self.jacobian, self.factor = whitened.jacobian, whitened.factor
+        self.free, residual = self.jacobian[:, problem.parameters.free], whitened.residual
+        if rival is not None:
+            self.free = np.hstack([self.free, rival])
         self.gram = self.free.T @ self.free
-        self.covariance: Matrix = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram))), dtype=float)
+        # Not by the inverse of gram + I: with hardly any noise the unit prior would be lost in its rounding.
+        rows = np.vstack([self.free, np.eye(len(self.gram))])
+        inverse = np.linalg.inv(np.linalg.qr(rows, mode="r"))
+        self.covariance: Matrix = inverse @ inverse.T
         self.order: Index = np.argsort(problem.shot_numbers, kind="stable")
         self.size = problem.tool.residual_size
-        if rival is not None:
-            self._fit_too(rival, x)
+        if settled or rival is not None:
+            parameters = problem.parameters
+            z = np.zeros(len(self.gram))
+            scaled = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+            z[: len(scaled)] = scaled
+            residual = residual - self.free @ (self.covariance @ (self.free.T @ residual + z))
+        super().__init__(residual, self.free @ inverse, (problem.shots, self.size))
         _, shot_jacobians = problem.linearise(x)
         roots = np.sqrt(problem.weights)[:, None, None]
         by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
@@ -46,20 +58,6 @@ class Linearised:
         self.by_spot: Matrix = np.asarray(by_spot * roots, dtype=float)
         self.by_target = by_targets(problem, whitened)
         self.roots = self.free[: problem.shots * self.size].reshape(problem.shots, self.size, -1)
-
-    def _fit_too(self, rival: Matrix, x: Matrix) -> None:
-        parameters = self.problem.parameters
-        z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
-        self.free = np.hstack([self.free, rival])
-        self.gram = self.free.T @ self.free
-        self.covariance = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram))), dtype=float)
-        pull = self.free.T @ self.residual + np.append(z, np.zeros(rival.shape[1]))
-        self.residual = self.residual - self.free @ (self.covariance @ pull)
-
-    @cached_property
-    def shots_residual(self) -> Matrix:
-        """(N, d) whitened."""
-        return self.residual[: self.problem.shots * self.size].reshape(-1, self.size)
 
     def by_parameters(self, which: list[int]) -> Matrix:
         """(M, k) by some parameters, rad or mm."""
@@ -71,11 +69,6 @@ class Linearised:
         result = np.zeros((len(self.residual), columns))
         result[:measured] = of_shots.reshape(measured, columns)
         return result
-
-    def normal(self, columns: Matrix) -> tuple[Matrix, Matrix]:
-        """y = B'r (k,) and G = B'M B (k, k) of whitened columns B (M, k)."""
-        through = self.free.T @ columns
-        return columns.T @ self.residual, columns.T @ columns - through.T @ self.covariance @ through
 
 
 class Biases(Linearised):

@@ -8,7 +8,7 @@ linear model, Bonferroni over all that is tested. A jump of a target has a test 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from typing import Annotated, Literal, NamedTuple
 
@@ -18,6 +18,7 @@ import scipy
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, record, worded
+from ..left_over import DETERMINED_MM, EXCLUDES, Hypotheses
 from .biases import Linearised
 from .geometry import with_links
 
@@ -25,9 +26,6 @@ from .geometry import with_links
 # some 30, such a change is 20 times as likely as none.
 SIGNIFICANT = 1e-4
 FEWEST = 2  # measurements before and after a change
-# A change that the measurements determine no better is not tested: of a joint by 1 degree (10 mm).
-_DETERMINED_MM = 10.0
-_EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
 
 How = Literal["jump", "drift"]
 
@@ -96,20 +94,16 @@ def run_change_with_links(problem: Problem, x: Matrix) -> RunChange | None:
     """The same of an exact arm whose links may deviate within typical tolerances, by one step from the mode
     x (p,): what they explain is no change."""
     whole, start = with_links(problem, x)
-    fit, parameters = Linearised(whole, start), whole.parameters
-    z = ((start - parameters.prior_mean) / parameters.prior_std)[parameters.free]
-    fit.residual = fit.residual - fit.free @ (fit.covariance @ (fit.free.T @ fit.residual + z))
-    return _change(fit)
+    return _change(Linearised(whole, start, settled=True))
 
 
 def _change(fit: Linearised) -> RunChange | None:
-    problem = fit.problem
-    tried = sorted(_Changes(fit).clearest(), key=lambda row: row.p_value)
-    p_value = tried[0].p_value * _tests(problem) if tried else 1.0
+    tried = sorted(_clearest(fit), key=lambda row: row.p_value)
+    p_value = tried[0].p_value * _tests(fit.problem) if tried else 1.0
     if p_value >= SIGNIFICANT:
         return None
-    best, near = tried[0], tried[0].score - 2 * np.log(_EXCLUDES)
-    return RunChange(*best.of, p_value, tuple(row.of for row in tried[1:] if row.score > near))
+    near = tried[0].score - 2 * np.log(EXCLUDES)
+    return RunChange(*tried[0].of, p_value, tuple(row.of for row in tried[1:] if row.score > near))
 
 
 class _Tried(NamedTuple):
@@ -120,60 +114,52 @@ class _Tried(NamedTuple):
     score: float
 
 
-class _Changes:
-    """All changes that are tested, at a mode."""
-
-    def __init__(self, fit: Linearised) -> None:
-        self._fit = fit
-
-    def clearest(self) -> Iterator[_Tried]:
-        """The clearest jump and the drift of each joint, and the drift of each target."""
-        problem, order = self._fit.problem, self._fit.order
-        for joint in range(problem.robot.n):
-            yield from self._of_joint(joint)
-        for target in range(len(problem.targets)):
-            mine = order[problem.target_index[order] == target]
-            if len(mine) >= 2 * FEWEST:
-                yield from self._of_target(problem.targets[target], mine)
-
-    def _of_joint(self, joint: int) -> Iterator[_Tried]:
-        fit, order, numbers = self._fit, self._fit.order, self._fit.problem.shot_numbers
-        turns = fit.problem.robot.joints[joint].kind == "revolute"
+def _clearest(fit: Linearised) -> Iterator[_Tried]:
+    """The clearest jump and the drift of each joint, and the drift of each target."""
+    problem, order = fit.problem, fit.order
+    numbers = [problem.shot_numbers[i] for i in order]
+    passed = elapsed(order, len(order))[:, None, None]
+    for i, joint in enumerate(problem.robot.joints):
+        turns = joint.kind == "revolute"
         unit, size, shown = ("deg", np.radians(1.0), 1.0) if turns else ("mm", 10.0, 10.0)
-        parts: Matrix = fit.by_joints[:, :, [joint]] * size
-        y, gram = after(parts[order], fit.roots[order], fit.shots_residual[order], fit.covariance)
-        slopes, information = y[:, 0], gram[:, 0, 0]
-        drift, of_drift = fit.normal(fit.rows(parts * elapsed(order, len(order))[:, None, None]))
-        best = int(np.argmax(slopes**2 / np.maximum(information, 1.0)))
-        ends = numbers[order[best + FEWEST - 1]], numbers[order[best + FEWEST]]
-        whole = numbers[order[0]], numbers[order[-1]]
-        rows: list[tuple[How, float, float, tuple[int, int]]] = [
-            ("jump", slopes[best], information[best], ends),
-            ("drift", drift[0], of_drift[0, 0], whole),
-        ]
-        for how, slope, g, (first, second) in rows:
-            if g > 1:
-                amount, std = -slope / g * shown, shown / float(np.sqrt(g))
-                one = ChangeAt(how, joint + 1, None, first, second, float(amount), std, unit)
-                yield _tried(one, float(slope**2 / g), 1)
-
-    def _of_target(self, name: str, mine: Index) -> Iterator[_Tried]:
-        fit, numbers = self._fit, self._fit.problem.shot_numbers
-        course = elapsed(mine, len(fit.order))
-        y, gram = fit.normal(fit.rows(fit.by_target * course[:, None, None]))
-        values, vectors = np.linalg.eigh(gram)
-        known = values * _DETERMINED_MM**2 > 1
-        values, along = values[known], (vectors.T @ y)[known]
-        chi2, shift = float((along**2 / values).sum()), along / values
-        size = float(np.linalg.norm(shift))
-        if size > 0:
-            std = float(np.sqrt((shift**2 / values).sum())) / size
-            ends = numbers[mine[0]], numbers[mine[-1]]
-            yield _tried(ChangeAt("drift", None, name, *ends, size, std, "mm"), chi2, int(known.sum()))
+        parts: Matrix = fit.by_joints[:, :, [i]] * size
+        ends = [*zip(numbers[FEWEST - 1 :], numbers[FEWEST : len(numbers) - FEWEST + 1], strict=False)]
+        yield from _best(fit, fit.after(parts, order, FEWEST), "jump", i + 1, None, ends, unit, shown)
+        whole = [(numbers[0], numbers[-1])]
+        yield from _best(fit, fit.of(fit.rows(parts * passed)), "drift", i + 1, None, whole, unit, shown)
+    for k, name in enumerate(problem.targets):
+        mine = order[problem.target_index[order] == k]
+        if len(mine) >= 2 * FEWEST:
+            course = elapsed(mine, len(order))[:, None, None]
+            drift = fit.of(fit.rows(fit.by_target * course * DETERMINED_MM))
+            whole = [(problem.shot_numbers[mine[0]], problem.shot_numbers[mine[-1]])]
+            yield from _best(fit, drift, "drift", None, name, whole, "mm", DETERMINED_MM)
 
 
-def _tried(one: ChangeAt, chi2: float, rank: int) -> _Tried:
-    return _Tried(one, float(scipy.special.chdtrc(rank, chi2)), chi2 - 2 * rank)
+def _best(
+    fit: Linearised,
+    hypotheses: Hypotheses,
+    how: How,
+    joint: int | None,
+    target: str | None,
+    ends: Sequence[tuple[int, int]],
+    unit: str,
+    shown: float,
+) -> Iterator[_Tried]:
+    """The clearest of changes between these measurements, in units of what is tested; none where the
+    measurements do not determine it."""
+    explained = fit.explained(hypotheses, 1.0)
+    best = int(np.argmax(explained.drop))
+    if explained.rank[best] == 0 or explained.drop[best] == 0:
+        return
+    known = explained.values[best] > 1
+    values, along = explained.values[best][known], explained.along[best][known]
+    shift = along / values
+    size = float(np.linalg.norm(shift))
+    amount = size if joint is None else -float(explained.vectors[best][0, 0] * shift[0])
+    std = float(np.sqrt((shift**2 / values).sum())) / size
+    one = ChangeAt(how, joint, target, *ends[best], amount * shown, std * shown, unit)
+    yield _Tried(one, fit.p_value(explained, best), float(explained.score[best]))
 
 
 def elapsed(rows: Index, count: int) -> Matrix:
@@ -181,16 +167,3 @@ def elapsed(rows: Index, count: int) -> Matrix:
     result = np.zeros(count)
     result[rows] = np.linspace(0.0, 1.0, len(rows))
     return result
-
-
-def after(parts: Matrix, roots: Matrix, residual: Matrix, covariance: Matrix) -> tuple[Matrix, Matrix]:
-    """y (C, k) and G (C, k, k) of a change at each place between measurements in their order, by columns
-    (n, d, k), their Jacobians (n, d, f), residuals (n, d) and the parameters' covariance."""
-    squares = parts.transpose(0, 2, 1) @ parts
-    cross = roots.transpose(0, 2, 1) @ parts
-    slopes = np.einsum("ndk,nd->nk", parts, residual)
-    first, last = FEWEST, len(parts) - FEWEST
-    square, through, slope = (
-        np.cumsum(part[::-1], axis=0)[::-1][first : last + 1] for part in (squares, cross, slopes)
-    )
-    return slope, square - through.transpose(0, 2, 1) @ covariance @ through

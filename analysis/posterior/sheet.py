@@ -59,13 +59,6 @@ class Sheet:
         across = _products(along) @ self._coefficients + u[:, self.curved :] @ self._factor.T
         return np.asarray(np.hstack([along, across]) @ self._axes.T)
 
-    def back(self, w: Matrix) -> Matrix:
-        """u of w."""
-        turned = w @ self._axes
-        along = turned[:, : self.curved]
-        across = turned[:, self.curved :] - _products(along) @ self._coefficients
-        return np.hstack([along, np.linalg.solve(self._factor, across.T).T])
-
 
 def sheet_of(local: LocalDensity, size: int) -> Sheet | None:
     """The sheet of a density of `size` numbers w, a unit normal near its mode at 0 but for the bend; None

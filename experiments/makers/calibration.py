@@ -22,10 +22,11 @@ from ...analysis.diagnostics.predicted_run import PredictedRun, predict_run, req
 from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
+from ...analysis.prediction import length_rows, settled
 from ...analysis.recordings.steps import RecordingStep
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.status import Status, known, versions
-from ...model.arrays import Index, Mask, Matrix
+from ...model.arrays import Matrix
 from ...model.errors import BadInput, FitFailed, located
 from ...model.files.robot_file import robot_path
 from ...model.files.run import Run
@@ -179,7 +180,7 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
     """Root mean square, mm, of the residuals with these parameters at their prior means and `offsets` as they
     are applied.
 
-    Targets and free frames are where they then fit best (one linear step).
+    Targets and free frames are where they then fit best.
     """
     problem, x = solution.problem, solution.fit.x.copy()
     parameters = problem.parameters
@@ -189,32 +190,10 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
         if offset.exported:
             x[parameters.index(offset.name)] = offset.internal
             gone[parameters.index(offset.name)] = True
-    residual, jacobian = problem.linearise(x)
-    return problem.rms_mm(_refitted(problem, residual, jacobian) if gone.any() else residual)
-
-
-def _refitted(problem: Problem, residual: Matrix, jacobian: Matrix) -> Matrix:
-    """Residuals (N, d) once targets and frames have moved to suit them; `jacobian` (N, d, c) is that of each
-    shot by its own parameters."""
-    parameters, d = problem.parameters, problem.tool.residual_size
-    placed = (parameters.group("target") | parameters.group("frame")) & parameters.free
-    result = residual.copy()
-    for group in _sharing(problem, placed):
-        columns = np.zeros((len(group), d, len(placed)))
-        where = np.repeat(problem.columns[group][:, None, :], d, axis=1)
-        np.put_along_axis(columns, where, jacobian[group], axis=2)
-        by_placed = columns[:, :, placed].reshape(len(group) * d, -1)
-        step = np.linalg.lstsq(by_placed, residual[group].ravel(), rcond=1e-9)[0]
-        result[group] -= (by_placed @ step).reshape(-1, d)
-    return result
-
-
-def _sharing(problem: Problem, placed: Mask) -> list[Index]:
-    """The shots that have something of what is `placed` (p,) in common: those of each target, or all where a
-    frame is."""
-    if problem.stations:
-        return [np.arange(problem.shots)] if placed.any() else []
-    return [np.flatnonzero(problem.target_index == k) for k in range(len(problem.targets))]
+    placed = (parameters.group("target") | parameters.group("frame")) & parameters.free & gone.any()
+    return problem.rms_mm(
+        problem.linearise(settled(problem, x, placed, length_rows(problem), prior=False))[0]
+    )
 
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise

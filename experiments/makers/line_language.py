@@ -26,10 +26,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from string import ascii_lowercase, ascii_uppercase
 
+import numpy as np
 from lark import Token, Tree
 
 from ...model.arrays import Matrix
 from ...model.kinematics.branches import Branch
+from ...model.kinematics.orientation import angles_of, from_angles
 from ...model.kinematics.robot import PendantUnit, Robot
 from .maker import blanked
 from .program_parts import (
@@ -54,8 +56,10 @@ class LineLanguage:
     """A language of such programs.
 
     `grammar` is the file of its grammar; `remark` a pattern of its comments, `head` one of the lines behind
-    which the remarks of a correction are put, each behind `comment`. Joints are in `unit`; a pose (4, 4) is
-    that of the numbers of `form`, and back. Numbers are written to so many decimals. `literal` has all that
+    which the remarks of a correction are put, each behind `comment`. Joints are in `unit`; a pose has the
+    numbers of `form`, whose angles are about `axes` (see `euler`). Numbers are written to so many decimals.
+    `literal` has
+    all that
     looks like joints or a pose. Of `framed` positions tool and frame are those of the lines above them, else
     those of the motion. `flange_tools` and `base_frames` are the names of tools and frames that are none. An
     `indented` language has its blocks by indentation; behind a line that `opens` a block there is a brace.
@@ -75,8 +79,7 @@ class LineLanguage:
     remark: str
     head: str
     comment: str
-    pose: Callable[[Sequence[float]], Matrix]
-    numbers: Callable[[Matrix], Sequence[float]]
+    axes: str
     form: str
     unit: PendantUnit = "deg"
     joint_decimals: int = 6
@@ -102,6 +105,14 @@ class LineLanguage:
     derives: Callable[[Tree[Token]], bool] | None = None
     marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
     with_data: Mapping[str, Callable[[str, str], str]] = field(default_factory=dict)
+
+    def pose(self, numbers: Sequence[float]) -> Matrix:
+        """(4, 4) of numbers as `form` has them."""
+        return from_angles(self.axes, numbers)
+
+    def numbers(self, pose: Matrix) -> list[float]:
+        """The numbers of a pose (4, 4)."""
+        return [*pose[:3, 3].tolist(), *np.degrees(angles_of(pose[:3, :3], self.axes)).tolist()]
 
     def literals(self, text: str) -> list[tuple[int, int]]:
         """The spans of all that looks like joints or a pose."""

@@ -22,8 +22,7 @@ from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.kinematics.branches import Branch
 from ...model.kinematics.robot import J3, Robot
-from ...model.parsing.lines import line_numbers
-from ...model.parsing.reading import did_you_mean
+from ...model.parsing.reading import did_you_mean, line_numbers
 from .plan_programs import decimal
 
 

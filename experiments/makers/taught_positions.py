@@ -12,7 +12,7 @@ from ...model.errors import BadInput, located
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant
 from ...model.kinematics.robot import Robot
-from ...model.parsing.lines import line_numbers
+from ...model.parsing.reading import line_numbers
 from .joint_text import require_same_plan, required_plan
 from .line_language import FOLLOW, LineLanguage, capitals, is_a_pose, tokens
 from .program_parts import (

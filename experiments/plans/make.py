@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from ...analysis.acceptance.outlook import LackingTest, lacking_test
+from ...analysis.acceptance.acceptance import LackingTest, lacking_test
 from ...analysis.observability.check import Check
 from ...model.arrays import Progress
 from ...model.errors import BadInput

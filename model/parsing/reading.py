@@ -15,8 +15,10 @@ import os
 import re
 import stat
 import warnings
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Literal
 
@@ -488,3 +490,17 @@ _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(","
 
 def json_line(content: Mapping[str, object]) -> str:
     return _ENCODER.encode(content) + "\n"
+
+
+def line_numbers(text: str) -> Callable[[int], int]:
+    """A function that gives the line, from 1, of a position in the text; the text is looked through once.
+
+    Examples
+    --------
+    >>> line_of = line_numbers("a\\nb\\n")
+    >>> line_of(0), line_of(1), line_of(2), line_of(4)
+    (1, 1, 2, 3)
+    """
+    starts = [0, *accumulate(len(line) for line in text.split("\n"))]
+    starts = [start + k for k, start in enumerate(starts[:-1])]
+    return lambda position: bisect_right(starts, position)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.text import Text
 
-from ...analysis.acceptance.acceptance_test import Acceptance, VerificationPlan
+from ...analysis.acceptance.acceptance import Acceptance, VerificationPlan
 from ...experiments.verification import Verified
 from ...words.acceptance import (
     ACCEPTANCE_WORDS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ...analysis.acceptance.acceptance_test import Acceptance, AcceptanceResult, EnteredOffset
+from ...analysis.acceptance.acceptance import Acceptance, AcceptanceResult, EnteredOffset
 from ...analysis.acceptance.measured_error import MeasuredError, PostureError
 from ...analysis.status import Verdict as Tone
 from ...analysis.status import versions

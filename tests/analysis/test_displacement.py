@@ -8,7 +8,7 @@ import pytest
 from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
 from scipy import stats
 
-from zerobeam.analysis.displacement import Displacement, _displaced, _Residuals, displacement
+from zerobeam.analysis.displacement import Displacement, displacement, displacements, left_over
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.model.arrays import Matrix
@@ -61,9 +61,9 @@ def test_p_values_of_runs_without_a_displacement(scale: str) -> None:
     single, whole = [], []
     for _ in range(runs):
         own = with_residual(fit, rng.normal(size=20))
-        left = _Residuals.of(own)
-        _, gram, slope, floor = _displaced(own, left)
-        single.append(left.p_value(left.explained(gram, slope, floor), 4))
+        left = left_over(own)
+        _, tried, floor = displacements(own, left)
+        single.append(left.p_value(left.explained(tried, floor), 4))
         found = displacement(own)
         whole.append(found.p_value)
     assert stats.kstest(single, "uniform").pvalue > 1e-3
@@ -78,15 +78,15 @@ def test_only_change_points_that_can_be_tested_are_counted() -> None:
     both = plan.header.model_copy(update={"targets": dict.fromkeys("ab", plan.header.targets["psd"])})
     _, run = simulated(plan_of(both, plan.postures, ["a"] * 5 + ["b"] * 2), TABLE_2)
     fit = fit_likelihood(Problem.from_run(run), starts=0)
-    left = _Residuals.of(fit)
-    points, *information = _displaced(fit, left)
+    left = left_over(fit)
+    points, *information = displacements(fit, left)
     moved = left.explained(*information)
     tested = int((moved.rank > 0).sum())
     assert 0 < tested < len(points)
     shifted = with_residual(fit, fit.whitened.residual * 1e-3 + np.linspace(-1, 1, 14) ** 3)
     for one in (fit, shifted):
-        left = _Residuals.of(one)
-        moved = left.explained(*_displaced(one, left)[1:])
+        left = left_over(one)
+        moved = left.explained(*displacements(one, left)[1:])
         best = int(np.argmax(moved.score))
         found = displacement(one)
         assert found.p_value == pytest.approx(min(1.0, tested * left.p_value(moved, best)))

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zerobeam.analysis.diagnostics.hold_out import FitWithoutPlacement, fit_without, known_factors
+from zerobeam.analysis.diagnostics.hold_out import fit_without
 from zerobeam.analysis.placements import Placement, placements
+from zerobeam.analysis.prediction import Predictor, known_factors
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.status import known
 from zerobeam.model.arrays import Index
@@ -65,7 +66,7 @@ def half_against_half(solution: Solution, first: Collection[str]) -> HalfAgainst
     theirs = tuple(name for name in names if name not in first)
     if not all(half.converged for half in halves):
         return HalfAgainstHalf((ours, theirs), (), (), (), converged=False)
-    return _compared(solution, (ours, theirs), *halves)
+    return _compared(solution, (ours, theirs), *(half.calibration for half in halves))
 
 
 def _joined(group: list[Placement]) -> Placement:
@@ -77,8 +78,8 @@ def _joined(group: list[Placement]) -> Placement:
 def _compared(
     solution: Solution,
     halves: tuple[tuple[str, ...], tuple[str, ...]],
-    one: FitWithoutPlacement,
-    other: FitWithoutPlacement,
+    one: Predictor,
+    other: Predictor,
 ) -> HalfAgainstHalf:
     """With C_h the covariance of what both halves have (all but targets), Lambda the precision of its priors
     and F_h = C_h^-1 - Lambda the information of half h, the difference has the covariance
@@ -98,18 +99,14 @@ def _compared(
         determined = known(status[place]) and max(first[i, i], second[i, i]) < _DETERMINED
         if parameters.items[place].group == "offset" and determined:
             names.append(name)
-            difference.append(_value(one, name) - _value(other, name))
+            difference.append(one.value(name) - other.value(name))
             u.append(float(np.sqrt(variance[i]) * parameters.prior_std[place]))
     return HalfAgainstHalf(halves, tuple(names), tuple(difference), tuple(u), converged=True)
 
 
-def _free(own: FitWithoutPlacement, names: list[str]) -> Index:
+def _free(own: Predictor, names: list[str]) -> Index:
     parameters = own.problem.parameters
     return np.asarray(parameters.among_free[[parameters.index(name) for name in names]])
-
-
-def _value(own: FitWithoutPlacement, name: str) -> float:
-    return float(own.x[own.problem.parameters.index(name)])
 
 
 def splits(names: Collection[str], count: int, seed: int = 0) -> list[tuple[str, ...]]:

@@ -22,8 +22,7 @@ from typing import Literal, NamedTuple
 
 from ....model.errors import BadInput, located
 from ....model.kinematics.pendant import require_link_encoder
-from ....model.parsing.lines import line_numbers
-from ....model.parsing.reading import did_you_mean, read_other_text, shown
+from ....model.parsing.reading import did_you_mean, line_numbers, read_other_text, shown
 from ..calibration import JointOffset, RobotCalibration
 from ..maker import numbers_of, one_line, require_vendor
 

@@ -20,8 +20,7 @@ from ....model.kinematics.inverse import Solver
 from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
-from ....model.parsing.lines import line_numbers
-from ....model.parsing.reading import shown
+from ....model.parsing.reading import line_numbers, shown
 from ..joint_text import PLAN_LINE, required_plan
 from ..maker import blanked
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points

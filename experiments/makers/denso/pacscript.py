@@ -18,7 +18,6 @@ from lark import Token, Tree
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_rpy, orientation
 from ..line_language import LineLanguage, Statement
 from ..maker import blanked, one_line
 from ..options import ProgramMotion
@@ -68,8 +67,7 @@ _LINES = LineLanguage(
     remark=_REMARK,
     head=r"^[ \t]*Sub\b[^\n]*\n",
     comment="  ' ",
-    pose=from_rpy,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).roll_pitch_yaw],
+    axes="xyz",
     form="X,Y,Z,RX,RY,RZ",
     joint_decimals=4,
     pose_decimals=(4,) * 6,

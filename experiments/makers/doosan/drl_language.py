@@ -17,7 +17,6 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.files.plan import Plan
 from ....model.kinematics.branches import Branches
-from ....model.kinematics.orientation import from_zyz, orientation
 from ....model.kinematics.robot import Robot
 from ..line_language import LineLanguage
 from ..maker import one_line
@@ -54,8 +53,7 @@ DRL = LineLanguage(
     remark=r"#[^\n]*",
     head=r"\A",
     comment="# ",
-    pose=from_zyz,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).zyz],
+    axes="ZYZ",
     form="X,Y,Z,A,B,C",
     joint_decimals=4,
     pose_decimals=(4,) * 6,

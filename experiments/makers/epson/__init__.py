@@ -1,17 +1,13 @@
 """Epson: SPEL+ programs and their points, a sheet for Calib."""
 
-from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..line_format import LineFormat, LineParts
 from ..maker import Maker, OffsetFile, PlanProgram, ProgramFiles, Reader, require_vendor
 
 if TYPE_CHECKING:
-    from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..line_language import LineLanguage
-    from ..options import ProgramMotion
     from ..recordings import Imported, ImportJob
 
 _ABOUT = [
@@ -47,12 +43,6 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     return sheet_text(calibration, _ABOUT, table, Pendant(run.robot))
 
 
-def _spel_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .spel import spel_program
-
-    return {file: spel_program(plan, motion, file)}
-
-
 def _read_log(job: "ImportJob") -> "Imported":
     """Epson: the log of a plan's program."""
     from ..joint_text import import_program_log
@@ -60,25 +50,26 @@ def _read_log(job: "ImportJob") -> "Imported":
     return import_program_log(job, source="SPEL+")
 
 
-def _spel() -> "LineLanguage":
-    from .spel import SPEL
+def _parts() -> LineParts:
+    from .spel import SPEL, spel_program
 
-    return SPEL
+    return LineParts(SPEL, spel_program)
 
 
+_FORMAT = LineFormat(_parts)
 MAKER = Maker(
     "Epson",
     "epson",
     r"epson|prosix\w*",
     offsets=(OffsetFile("epson", _sheet),),
-    program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _spel_program, ("speed",)),),
+    program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _FORMAT.program, ("speed",)),),
     read=(Reader("spel", _read_log, "Logs of a plan's program (zb_plan.log).", program_log=True),),
     correct=(
         ProgramFiles(
             "SPEL+",
             ".prg (Epson, with the .pts of the folder)",
             (".prg",),
-            _spel,
+            _FORMAT.language,
             paired=(".prg", ".pts"),
             folder=(".pts",),
         ),

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_abc, orientation
 from ..line_language import LineLanguage
 from ..maker import one_line
 from ..options import ProgramMotion
@@ -25,8 +24,7 @@ SPEL = with_points(
         remark=r"'[^\n]*",
         head=r"^[ \t]*Function\b[^\n]*\n",
         comment="  ' ",
-        pose=from_abc,
-        numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).abc],
+        axes="ZYX",
         form="X,Y,Z,U,V,W",
         joint_decimals=4,
     )

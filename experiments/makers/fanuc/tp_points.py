@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ....model.errors import BadInput, located
 from ....model.kinematics.robot import J3
-from ....model.parsing.lines import line_numbers
+from ....model.parsing.reading import line_numbers
 from ..joint_text import PLAN_LINE, required_plan
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 

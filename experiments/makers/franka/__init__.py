@@ -1,55 +1,34 @@
 """Franka: joint lists in radians, out and back."""
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from ..line_marks import line_mark
-from ..maker import Maker, PlanProgram, PointNames, Reader
-
-if TYPE_CHECKING:
-    from ....model.files.plan import Plan
-    from ..line_language import LineLanguage
-    from ..options import ProgramMotion
-    from ..recordings import Imported, ImportJob
+from ..line_format import LineFormat, LineParts
+from ..maker import Maker, PlanProgram, Reader
 
 
-def _joint_list(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .joint_list import joint_list
+def _parts() -> LineParts:
+    from .joint_list import JOINT_LIST, joint_list
 
-    return {file: joint_list(plan, motion)}
-
-
-def _read_joint_list(job: "ImportJob", points: PointNames = None) -> "Imported":
-    """Franka: joints in radians, a line each (zb_m0 = [...]), as a program of libfranka recorded them."""
-    from ..taught_positions import import_taught
-    from .joint_list import JOINT_LIST
-
-    note = "Franka joints, radians, joint 1 first"
-    return import_taught(JOINT_LIST, job, points=points, vendor="franka", note=note)
+    return LineParts(JOINT_LIST, lambda plan, motion, file: joint_list(plan, motion))
 
 
-def _language() -> "LineLanguage":
-    from .joint_list import JOINT_LIST
-
-    return JOINT_LIST
-
-
+_FORMAT = LineFormat(_parts)
+_READ = _FORMAT.reader(
+    "Franka: joints in radians, a line each (zb_m0 = [...]), as a program of libfranka recorded them.",
+    "franka",
+    "Franka joints, radians, joint 1 first",
+)
 MAKER = Maker(
     "Franka",
     "franka",
     r"panda|franka|fr3",
-    program=(PlanProgram("franka", "joint list (Franka)", ("zb_plan.py",), _joint_list, ("speed",)),),
+    program=(PlanProgram("franka", "joint list (Franka)", ("zb_plan.py",), _FORMAT.program, ("speed",)),),
     read=(
         Reader(
             "franka",
-            _read_joint_list,
+            _READ,
             "Joint lists (.txt, .py).",
             marks=(
-                line_mark(
-                    r"^[ \t]*\w+[ \t]*=[ \t]*\[(?:[^,\]\n]+,){6}[^,\]\n]+\]",
-                    "its lists of seven numbers",
-                    _language,
+                _FORMAT.mark(
+                    r"^[ \t]*\w+[ \t]*=[ \t]*\[(?:[^,\]\n]+,){6}[^,\]\n]+\]", "its lists of seven numbers"
                 ),
             ),
         ),

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_rpy
 from ..line_language import LineLanguage
 from ..maker import one_line
 from ..options import ProgramMotion
@@ -30,8 +29,7 @@ JOINT_LIST = LineLanguage(
     remark=r"#[^\n]*",
     head=r"\A",
     comment="# ",
-    pose=from_rpy,
-    numbers=lambda pose: [],
+    axes="xyz",
     form="",
     unit="rad",
     joint_decimals=_DIGITS,

@@ -15,7 +15,6 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_zyz, orientation
 from ..line_language import FOLLOW, SIX_WITH_BLANKS, LineLanguage, Statement, tokens
 from ..maker import one_line
 from ..options import ProgramMotion
@@ -27,8 +26,7 @@ _LINES = LineLanguage(
     remark=r";[^\n]*",
     head=r"^[ \t]*\.PROGRAM[^\n]*\n",
     comment="  ; ",
-    pose=from_zyz,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).zyz],
+    axes="ZYZ",
     form="X,Y,Z,O,A,T",
     joint_decimals=4,
     pose_decimals=(4,) * 6,

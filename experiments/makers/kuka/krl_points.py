@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ....model.errors import BadInput, located
-from ....model.parsing.lines import line_numbers
-from ....model.parsing.reading import shown
+from ....model.parsing.reading import line_numbers, shown
 from ..maker import blanked
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 

@@ -15,7 +15,6 @@ from lark import Token, Tree
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_rpy, orientation
 from ..line_language import SIX_WITH_COMMAS, LineLanguage
 from ..maker import one_line
 from ..options import ProgramMotion
@@ -51,8 +50,7 @@ MELFA_BASIC = LineLanguage(
     remark=r"'[^\n]*|(?i:\brem\b)[^\n]*",
     head=r"\A",
     comment="' ",
-    pose=from_rpy,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).roll_pitch_yaw],
+    axes="xyz",
     form="X,Y,Z,A,B,C",
     joint_decimals=4,
     pose_decimals=(4,) * 6,

@@ -1,58 +1,33 @@
 """Nachi: SLIM programs of joint positions."""
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from ..line_marks import line_mark
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader
-
-if TYPE_CHECKING:
-    from ....model.files.plan import Plan
-    from ..line_language import LineLanguage
-    from ..options import ProgramMotion
-    from ..recordings import Imported, ImportJob
+from ..line_format import LineFormat, LineParts
+from ..maker import Maker, PlanProgram, ProgramFiles, Reader
 
 
-def _slim_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .slim import slim_program
+def _parts() -> LineParts:
+    from .slim import SLIM, named_positions, slim_program
 
-    return {file: slim_program(plan, motion)}
-
-
-def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
-    """Nachi: joint positions (MOVEX … M1J) of a program that was taught, or modified in a plan's program."""
-    from ..taught_positions import import_taught
-    from .slim import SLIM, named_positions
-
-    return import_taught(
-        SLIM,
-        job,
-        points=points,
-        vendor="nachi",
-        note="Nachi joint positions (M1J), degrees, joint 1 first",
-        named=named_positions,
-    )
+    return LineParts(SLIM, lambda plan, motion, file: slim_program(plan, motion), named_positions)
 
 
-def _slim() -> "LineLanguage":
-    from .slim import SLIM
-
-    return SLIM
-
-
+_FORMAT = LineFormat(_parts)
+_READ = _FORMAT.reader(
+    "Nachi: joint positions (MOVEX … M1J) of a program that was taught, or modified in a plan's program.",
+    "nachi",
+    "Nachi joint positions (M1J), degrees, joint 1 first",
+)
 MAKER = Maker(
     "Nachi",
     "nachi",
     r"nachi|mz ?\d+\w*",
-    program=(PlanProgram("slim", "SLIM (Nachi)", ("zb_plan.slim",), _slim_program, ("speed", "tool")),),
+    program=(PlanProgram("slim", "SLIM (Nachi)", ("zb_plan.slim",), _FORMAT.program, ("speed", "tool")),),
     read=(
         Reader(
             "slim",
-            _read_slim,
+            _READ,
             "Programs as text (NAME.001).",
-            marks=(line_mark(r"\bM1J\b", "its joint positions (M1J), as of a SLIM program", _slim),),
+            marks=(_FORMAT.mark(r"\bM1J\b", "its joint positions (M1J), as of a SLIM program"),),
         ),
     ),
-    correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _slim),),
+    correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _FORMAT.language),),
 )

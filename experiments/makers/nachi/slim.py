@@ -12,8 +12,7 @@ from collections.abc import Sequence
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_abc, orientation
-from ....model.parsing.lines import line_numbers
+from ....model.parsing.reading import line_numbers
 from ..line_language import LineLanguage
 from ..maker import one_line
 from ..options import ProgramMotion
@@ -27,8 +26,7 @@ SLIM = LineLanguage(
     remark=r"'[^\n]*",
     head=r"\A",
     comment="'",
-    pose=from_abc,  # of tools and frames; no position of a program is a pose
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).abc],
+    axes="ZYX",  # of tools and frames; no position of a program is a pose
     form="X,Y,Z,r,p,y",
     joint_decimals=3,
     remark_width=31,

@@ -16,7 +16,6 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch
-from ....model.kinematics.orientation import from_xyz, orientation
 from ..line_language import LineLanguage, Statement, capitals
 from ..maker import blanked
 from ..program_parts import NUMBER, understood
@@ -240,8 +239,7 @@ VAL3 = LineLanguage(
     head=r"<(?:Datas|Programs|Project)\b[^>]*>[ \t]*\r?\n?",
     comment="<!-- ",
     comment_end=" -->",
-    pose=from_xyz,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).xyz],
+    axes="XYZ",
     form="X,Y,Z,RX,RY,RZ",
     joint_decimals=4,
     saved_decimals=3,

@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_rpy, orientation
 from ..line_language import LineLanguage
 from ..maker import one_line
 from ..options import ProgramMotion
@@ -31,8 +30,7 @@ TMSCRIPT = LineLanguage(
     remark=r"//[^\n]*|/\*[\s\S]*?\*/",
     head=r"\A",
     comment="// ",
-    pose=from_rpy,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).roll_pitch_yaw],
+    axes="xyz",
     form="X,Y,Z,RX,RY,RZ",
     joint_decimals=4,
     pose_decimals=(4,) * 6,

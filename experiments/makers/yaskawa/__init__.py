@@ -1,27 +1,13 @@
 """Yaskawa: INFORM jobs, a sheet for the home position."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import (
-    FormatMark,
-    Maker,
-    OffsetFile,
-    PlanProgram,
-    PointNames,
-    ProgramFiles,
-    Reader,
-    require_vendor,
-)
+from ..line_format import LineFormat, LineParts
+from ..maker import Maker, OffsetFile, PlanProgram, ProgramFiles, Reader, require_vendor
 
 if TYPE_CHECKING:
-    from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..line_language import LineLanguage
-    from ..options import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
     "Home position sheet for Yaskawa. At the home position an axis reads 0 pulses.",
@@ -54,56 +40,34 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     return sheet_text(calibration, _ABOUT, table, pendant)
 
 
-def _inform_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .inform import inform_program
+def _parts() -> LineParts:
+    from .inform import INFORM, inform_program, named_positions
 
-    return {file: inform_program(plan, motion, file)}
-
-
-def _read_inform(job: "ImportJob", points: PointNames = None) -> "Imported":
-    """Yaskawa: positions in pulses of a saved job, taught, or modified in a plan's program."""
-    from ..taught_positions import import_taught
-    from .inform import INFORM, named_positions
-
-    return import_taught(
-        INFORM,
-        job,
-        points=points,
-        vendor="yaskawa",
-        note="Yaskawa positions, pulses of S, L, U, R, B, T by pulses_per_deg of the robot file",
-        named=named_positions,
-    )
+    return LineParts(INFORM, inform_program, named_positions)
 
 
-def _inform() -> "LineLanguage":
-    from .inform import INFORM
-
-    return INFORM
-
-
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .inform import INFORM, named_positions
-
-    return named_positions(text, written_points(INFORM, text, path))
-
-
+_FORMAT = LineFormat(_parts)
+_READ = _FORMAT.reader(
+    "Yaskawa: positions in pulses of a saved job, taught, or modified in a plan's program.",
+    "yaskawa",
+    "Yaskawa positions, pulses of S, L, U, R, B, T by pulses_per_deg of the robot file",
+)
 MAKER = Maker(
     "Yaskawa",
     "yaskawa",
     r"motoman|yaskawa|gp ?\d+\w*",
     offsets=(OffsetFile("yaskawa", _sheet),),
     program=(
-        PlanProgram("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), _inform_program, ("speed", "tool")),
+        PlanProgram("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), _FORMAT.program, ("speed", "tool")),
     ),
     read=(
         Reader(
             "inform",
-            _read_inform,
+            _READ,
             "Saved jobs (.JBI).",
-            marks=(FormatMark(r"^/JOB\b", "its line /JOB, as of an INFORM job", _points),),
+            marks=(_FORMAT.mark(r"^/JOB\b", "its line /JOB, as of an INFORM job"),),
         ),
     ),
-    correct=(ProgramFiles("INFORM", ".jbi (Yaskawa)", (".jbi",), _inform),),
+    correct=(ProgramFiles("INFORM", ".jbi (Yaskawa)", (".jbi",), _FORMAT.language),),
     live="yaskawa://HOST",
 )

@@ -20,7 +20,6 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.kinematics.orientation import from_rpy, orientation
 from ....model.kinematics.pendant import Pendant
 from ..line_language import LineLanguage
 from ..maker import one_line
@@ -43,8 +42,7 @@ INFORM = LineLanguage(
     remark=r"'[^\n]*|//(?:NAME|/(?:COMM|DATE|ATTR))\b[^\n]*",
     head=r"^NOP[ \t]*\r?\n",
     comment="'",
-    pose=from_rpy,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).roll_pitch_yaw],
+    axes="xyz",
     form="X,Y,Z,Rx,Ry,Rz",
     unit="pulse",
     joint_decimals=0,

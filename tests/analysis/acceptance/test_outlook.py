@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from plan_requests import plan_request
 
-from zerobeam.analysis.acceptance.acceptance_test import AIM, POWER, AcceptancePrediction
-from zerobeam.analysis.acceptance.new_measurements import of_rows
-from zerobeam.analysis.acceptance.outlook import lacking_test
+from zerobeam.analysis.acceptance.acceptance import AIM, POWER, AcceptancePrediction, lacking_test
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.prediction import Predictor, of_rows
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.model.files.header import Header
@@ -37,11 +36,14 @@ def test_the_predicted_power_is_that_of_the_solved_run() -> None:
     solution = solve_run(Problem.from_run(run), run.header)
     problem, names = solution.problem, [row.name for row in solution.offsets if not row.held]
     after = AcceptancePrediction(
-        solution, of_rows(problem, list(range(problem.shots))), dict.fromkeys(names, 0.0), planned=True
+        Predictor.of(solution),
+        of_rows(problem, list(range(problem.shots))),
+        dict.fromkeys(names, 0.0),
+        planned=True,
     )
-    predicted = after.shifted({})
     for tolerance in (0.01, 0.03):
-        powers = {name: after.power_against(predicted, name, tolerance) for name in names}
+        every = after.powers(after.shifted({}), dict.fromkeys(names, (tolerance,)))
+        powers = {name: one for name, (one,) in every.items()}
         lacking = lacking_test(problem, solution.fit.x, {"deg": tolerance, "mm": 1.0})
         assert lacking is not None
         assert lacking.name == min(powers, key=powers.__getitem__)

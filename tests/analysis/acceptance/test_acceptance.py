@@ -8,7 +8,7 @@ import pytest
 from measured_arms import CELLS, recorded
 from scipy import stats
 
-from zerobeam.analysis.acceptance.acceptance_test import (
+from zerobeam.analysis.acceptance.acceptance import (
     AIM,
     FALSE_ALARM,
     POWER,
@@ -18,6 +18,7 @@ from zerobeam.analysis.acceptance.acceptance_test import (
 )
 from zerobeam.analysis.diagnostics.enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.prediction import Predictor
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.header import StatedSigma
 from zerobeam.model.files.run import read_run
@@ -63,7 +64,7 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
     block = problem.parameters.block("offset")
     # True positions are those of the fit; a corrected arm reads more by what was entered.
     corrected = AcceptancePrediction(
-        solution, new_run(problem.joints + applied(), run_targets(run), None), entered()
+        Predictor.of(solution), new_run(problem.joints + applied(), run_targets(run), None), entered()
     )
     x = solution.fit.x + left
     x[block] -= applied()
@@ -76,7 +77,8 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
     spots = spots_for(corrected.problem, x, noise - residual)
     joints = corrected.problem.joints[rows]
     targets = [run_targets(run)[row] for row in rows]
-    return AcceptancePrediction(solution, new_run(joints, targets, spots[rows]), entered()), solution
+    new = new_run(joints, targets, spots[rows])
+    return AcceptancePrediction(Predictor.of(solution), new, entered()), solution
 
 
 def new_run(joints, targets, spots):
@@ -203,8 +205,8 @@ def p_values(kind, count, error_deg=0.0):
             Problem.of_measured(header, robot, joints[rows], arm.measured[rows])
             for rows in (slice(28), slice(28, None))
         )
-        test = AcceptancePrediction(solve_run(old, header), new, {})
-        result.append(test.p_value(test.shifted({})))
+        test = AcceptancePrediction(Predictor.of(solve_run(old, header)), new, {})
+        result.append(test.shifted({}).p_value)
     return np.array(result)
 
 

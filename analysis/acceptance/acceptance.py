@@ -16,21 +16,21 @@ prior in S, so it hides errors and lowers the power, as it should.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from scipy import stats
-from scipy.linalg import block_diag, solve_triangular
 
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix
 from ...model.files.run import UNKNOWNS
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.problem import Problem, Whitened
+from ...model.likelihood.problem import Problem
+from ..observability.outlook import predicted_covariance
+from ..prediction import PredictedResiduals, Predictor, Rows, noise_dof, of_rows, settled, weighted_rows
 from ..solution import Solution
-from .new_measurements import NewMeasurements, of_rows
 
 FALSE_ALARM = 0.01
 POWER = 0.8  # against an error of the tolerance in each offset that was entered
@@ -39,6 +39,7 @@ AIM = 0.9  # of a plan: a run that is a little different from it still passes
 Acceptance = Literal["pass", "fail", "inconclusive"]
 FEWEST = 3
 MOST = 20
+_FARTHEST = 8  # times a plan's measurements: what these do not reach, no number does
 _MOST_CANDIDATES = 60  # spread over the run: more are as good
 
 
@@ -97,140 +98,99 @@ class AcceptanceResult:
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedResiduals:
-    """The new measurements at the calibration's mode, in the roots of their predicted covariance: `residual`
-    (k,) and the `shift` (k, p) by scaled parameters, free of the places; `rms` and `expected` mm."""
+class Anew:
+    """New measurements of a calibration: their `problem`, and what of it is `placed` (p,) anew: targets and
+    free frames, which may have been moved since, and parts of instruments that the calibration never read."""
 
-    residual: Matrix
-    shift: Matrix
-    rms: float
-    expected: float
+    problem: Problem
+    placed: Mask
 
-    @property
-    def dof(self) -> int:
-        return len(self.residual)
+    @classmethod
+    def of(cls, calibration: Predictor, recorded: Problem) -> Anew:
+        """Of measurements of the same robot, with instruments of the calibration."""
+        problem = calibration.carried(replace(recorded, ties=()))
+        frames = (problem.parameters.group("frame") | calibration.missing(problem)) & problem.parameters.free
+        return cls(problem, problem.parameters.group("target") | frames)
 
-
-class Mode(Protocol):
-    """The mode of a calibration: `x` (p,), `covariance` (f, f) of the free parameters by their priors, and
-    `weight`, 1 / noise scale^2."""
-
-    @property
-    def x(self) -> Matrix: ...
-    @property
-    def covariance(self) -> Matrix: ...
-    @property
-    def weight(self) -> float: ...
-
-
-class Calibrated(Protocol):
-    """What the test takes of a calibration, solved or predicted."""
-
-    @property
-    def problem(self) -> Problem: ...
-    @property
-    def fit(self) -> Mode: ...
-    @property
-    def dof(self) -> int: ...
+    def settled(self, x: Matrix, rows: Rows) -> Matrix:
+        """x (p,) with the places where the rows are best met, from where they may be: as the measurements
+        alone have them, and where an instrument has read, at x as well."""
+        problem, starts = self.problem, [x.copy()]
+        if problem.recorded:
+            starts.append(np.where(self.placed, problem.started(x[None])[0], x))
+        else:
+            starts[0][problem.parameters.group("target")] = problem.nearest_targets(x[None])[0]
+        tried = [settled(problem, start, self.placed, rows, prior=False) for start in starts]
+        return min(tried, key=lambda there: float((rows(there)[0] ** 2).sum()))
 
 
 class AcceptancePrediction:
     """New measurements as the calibration predicts them, with values entered.
 
-    `solution` is the calibration, `recorded` are the new measurements as the corrected robot reads its joints
-    (of `planned` ones nothing was read yet), `entered` the values, deg (mm), by name of the offset.
+    `recorded` are the new measurements as the corrected robot reads its joints (of `planned` ones nothing was
+    read yet), `entered` the values, deg (mm), by name of the offset.
     """
 
     def __init__(
-        self, solution: Calibrated, recorded: Problem, entered: Mapping[str, float], *, planned: bool = False
+        self,
+        calibration: Predictor,
+        recorded: Problem,
+        entered: Mapping[str, float],
+        *,
+        planned: bool = False,
     ) -> None:
-        old = solution.problem
         self.entered = dict(entered)
-        new = NewMeasurements.of(old, solution.fit.x, recorded)
-        parameters = new.problem.parameters
-        x = new.problem.nominal()
-        for i, name in enumerate(parameters.names):
-            if name in old.parameters.names and (planned or new.problem.recorded or not new.placed[i]):
-                x[i] = solution.fit.x[old.parameters.index(name)]
-        self._scale = np.sqrt(solution.fit.weight)
-        self.noise_dof = solution.dof if old.noise.estimated else None
-        for name, value in self.entered.items():
-            i = parameters.index(name)
-            x[i] -= value / parameters.items[i].display
+        new = Anew.of(calibration, recorded)
+        carried = ~new.placed | planned | new.problem.recorded
+        x = np.where(carried, calibration.at_mode(new.problem), new.problem.nominal())
+        x = self._with(new.problem, x, {name: -value for name, value in entered.items()})
         if planned:
             new = replace(new, problem=new.problem.at_predicted(x))
-        self._new, self.problem, self._x = new, new.problem, x
-        names = [
-            item.name
-            for item, placed in zip(parameters.items, new.placed, strict=True)
-            if not (placed or item.held)
-        ]
-        at = [old.parameters.among_free[old.parameters.index(name)] for name in names]
-        self._uncertain = [parameters.index(name) for name in names]
-        self._covariance = solution.fit.covariance[np.ix_(at, at)]
-        self._read = np.flatnonzero(self.problem.active)
+        self.calibration, self.problem = calibration, new.problem
+        self._new, self._x = new, x
+
+    def _with(self, problem: Problem, x: Matrix, more: Mapping[str, float]) -> Matrix:
+        """x (p,) with some offsets so much larger, deg (mm)."""
+        x, parameters = x.copy(), problem.parameters
+        for name, value in more.items():
+            i = parameters.index(name)
+            x[i] += value / parameters.items[i].display
+        return x
 
     def shifted(self, more: Mapping[str, float]) -> PredictedResiduals:
         """The prediction with some offsets of the corrected arm by so much `more`, deg (mm); targets and
         frames where they fit."""
-        x, parameters = self._x.copy(), self.problem.parameters
-        for name, value in more.items():
-            i = parameters.index(name)
-            x[i] += value / parameters.items[i].display
-        x = self._new.with_places(x, lambda at: self._whitened(at)[:2])
-        residual, jacobian, whitened, covariance = self._whitened(x)
-        free = _left_of(jacobian[:, self._new.placed])
-        in_mm = block_diag(*whitened.factor)[:, self._read] / self._scale
-        squares = ((in_mm @ covariance) * in_mm).sum(axis=1).reshape(self.problem.shots, -1)
-        predicted = float(np.sqrt(self.problem.length_squares(squares).mean()))
-        rms = self.problem.rms_mm(whitened.residual_mm)
-        return PredictedResiduals(free.T @ residual, free.T @ jacobian, rms, predicted)
+        problem, weight = self.problem, self.calibration.weight
+        x = self._new.settled(self._with(problem, self._x, more), weighted_rows(problem, weight))
+        return self.calibration.predict_at(problem, x, self._new.placed)
 
-    def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:
-        """Residual (M,) of what was read and scaled Jacobian (M, p) in the roots of C; and C (M, M) in stds
-        of the noise."""
-        whitened = self.problem.whiten(x)
-        residual, jacobian = (
-            part[self._read] * self._scale for part in (whitened.residual, whitened.jacobian)
-        )
-        by = jacobian[:, self._uncertain]
-        covariance = np.eye(len(residual)) + by @ self._covariance @ by.T
-        root = np.linalg.cholesky(covariance)
-        solved = solve_triangular(root, np.column_stack([residual, jacobian]), lower=True)
-        return solved[:, 0], solved[:, 1:], whitened, covariance
-
-    def power(self, shift: Matrix) -> float:
-        """Probability that a shift (k,) of the whitened residuals is noticed."""
-        k, away = len(shift), float(shift @ shift)
-        if k == 0 or self.noise_dof == 0:
-            return 0.0
-        if self.noise_dof is None:
-            return float(stats.ncx2.sf(self.critical(k) * k, k, away))
-        return float(stats.ncf.sf(self.critical(k), k, self.noise_dof, away))
-
-    def power_against(self, predicted: PredictedResiduals, name: str, size: float) -> float:
-        """Probability that an offset which is off by `size`, deg (mm), is noticed."""
+    def powers(
+        self, predicted: PredictedResiduals, sizes: Mapping[str, Sequence[float]]
+    ) -> dict[str, list[float]]:
+        """By offset the probabilities that the test notices errors of these `sizes`, deg (mm)."""
         parameters = self.problem.parameters
-        i = parameters.index(name)
-        per_unit = predicted.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
-        return self.power(per_unit * size)
+        places = [parameters.index(name) for name in sizes]
+        squares = (predicted.left(predicted.jacobian[:, places]) ** 2).sum(axis=0)
+        per_unit = squares / [(parameters.prior_std[i] * parameters.items[i].display) ** 2 for i in places]
+        return {
+            name: [power(predicted, float(square) * size**2) for size in of_one]
+            for square, (name, of_one) in zip(per_unit, sizes.items(), strict=True)
+        }
 
-    def critical(self, k: int) -> float:
-        """The limit of chi-squared over k: exceeded with the probability `FALSE_ALARM` without an error."""
-        return _critical(k, self.noise_dof)
 
-    def p_value(self, predicted: PredictedResiduals) -> float | None:
-        k = predicted.dof
-        if k == 0:
-            return None
-        statistic = float(predicted.residual @ predicted.residual)
-        if self.noise_dof is None:
-            return float(stats.chi2.sf(statistic, k))
-        return float(stats.f.sf(statistic / k, k, self.noise_dof))
+def power(predicted: PredictedResiduals, noncentrality: float) -> float:
+    """Probability that an error with this noncentrality is noticed."""
+    k, dof = predicted.dof, predicted.noise_dof
+    if k == 0:
+        return 0.0
+    if dof is None:
+        return float(stats.ncx2.sf(_critical(k, dof) * k, k, noncentrality))
+    return float(stats.ncf.sf(_critical(k, dof), k, dof, noncentrality))
 
 
 @cache
 def _critical(k: int, noise_dof: int | None) -> float:
+    """The limit of chi-squared over k: exceeded with the probability `FALSE_ALARM` without an error."""
     if noise_dof is None:
         return float(stats.chi2.isf(FALSE_ALARM, k) / k)
     return float(stats.f.isf(FALSE_ALARM, k, noise_dof))
@@ -241,7 +201,7 @@ def accept(
 ) -> AcceptanceResult:
     """The answer for new measurements; `tolerance` by unit: deg, mm."""
     predicted = prediction.shifted({})
-    p_value = prediction.p_value(predicted)
+    p_value = predicted.p_value
     offsets = entered_offsets(prediction, predicted, solution, tolerance)
     mistakes: tuple[Mistake, ...] = ()
     verdict: Acceptance = "inconclusive"
@@ -249,16 +209,15 @@ def accept(
         verdict, mistakes = "fail", _mistakes(prediction)
     elif p_value is not None and offsets and all(row.power >= POWER for row in offsets):
         verdict = "pass"
-    statistic = float(predicted.residual @ predicted.residual) / predicted.dof if predicted.dof else None
     return AcceptanceResult(
         verdict,
         prediction.problem.shots,
         predicted.dof,
-        statistic,
+        predicted.chi2 / predicted.dof if predicted.dof else None,
         p_value,
         FALSE_ALARM,
-        predicted.rms,
-        predicted.expected,
+        predicted.rms_mm,
+        predicted.expected_mm,
         offsets,
         mistakes,
     )
@@ -271,14 +230,16 @@ def entered_offsets(
     tolerance: Mapping[str, float],
 ) -> tuple[EnteredOffset, ...]:
     """Each entered offset with the power of the test against an error of it; `tolerance` by unit: deg, mm."""
+    limits = {name: tolerance[solution[name].unit] for name in prediction.entered}
+    powers = prediction.powers(
+        predicted, {name: (limits[name], value) for name, value in prediction.entered.items()}
+    )
     rows = []
     for name, value in prediction.entered.items():
         row = solution[name]
         assert row.estimate is not None
         assert row.std is not None
-        limit = tolerance[row.unit]
-        powers = [prediction.power_against(predicted, name, size) for size in (limit, value)]
-        rows.append(EnteredOffset(name, row.unit, row.estimate, value, row.std, limit, *powers))
+        rows.append(EnteredOffset(name, row.unit, row.estimate, value, row.std, limits[name], *powers[name]))
     return tuple(rows)
 
 
@@ -295,7 +256,7 @@ def _mistakes(prediction: AcceptancePrediction) -> tuple[Mistake, ...]:
             (kind, ("delta3",), {"delta3": times * entered["delta2"]}) for kind, times in _COUPLED.items()
         ]
     for kind, names, more in tried:
-        p = prediction.p_value(prediction.shifted(more))
+        p = prediction.shifted(more).p_value
         if p is not None and p >= FALSE_ALARM:
             mistakes.append(Mistake(kind, names, p))
     return tuple(sorted(dict.fromkeys(mistakes), key=lambda mistake: -mistake.p_value))
@@ -304,13 +265,6 @@ def _mistakes(prediction: AcceptancePrediction) -> tuple[Mistake, ...]:
 def _couples(robot: Robot) -> bool:
     """Whether the pendant or an encoder counts joint 3 together with joint 2."""
     return "ground" in (robot.conventions.joint3, robot.conventions.encoder3)
-
-
-def _left_of(columns: Matrix) -> Matrix:
-    """(M, k) an orthonormal basis of what the columns (M, c) do not reach."""
-    u, size, _ = np.linalg.svd(columns, full_matrices=True)
-    rank = int((size > 1e-10 * max(size.max(initial=0.0), 1e-300)).sum())
-    return np.asarray(u[:, rank:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,7 +295,7 @@ def choose(
 ) -> VerificationPlan:
     """As few postures as give the test the power that a plan aims at, else those that give it most; or
     `shots` of them. They are taken one after the other, each the one that raises the weakest offset most."""
-    problem = solution.problem
+    problem, calibration = solution.problem, Predictor.of(solution)
     candidates = np.unique(np.linspace(0, problem.shots - 1, _MOST_CANDIDATES).round().astype(int)).tolist()
     offsets_of_joints = problem.parameters.items[problem.parameters.block("offset")]
     applied = np.array([entered.get(item.name, 0.0) / item.display for item in offsets_of_joints])
@@ -350,7 +304,7 @@ def choose(
         some = of_rows(problem, rows)
         joints = some.joints + applied
         targets = tuple(problem.targets[problem.target_index[row]] for row in rows)
-        prediction = AcceptancePrediction(solution, some.moved(joints), entered, planned=True)
+        prediction = AcceptancePrediction(calibration, some.moved(joints), entered, planned=True)
         predicted = prediction.shifted({})
         return joints, targets, entered_offsets(prediction, predicted, solution, tolerance)
 
@@ -401,3 +355,67 @@ def _farthest(joints: Matrix, rows: list[int], count: int) -> list[int]:
     while len(chosen) < count:
         chosen.append(int(apart[:, chosen].min(axis=1).argmax()))
     return [rows[i] for i in dict.fromkeys(chosen)]
+
+
+# Before any measurement: whether a calibration by a plan leaves an acceptance test
+
+
+@dataclass(frozen=True)
+class LackingTest:
+    """An acceptance test that cannot pass: with `power` at most it would notice that the offset `name` is off
+    by the `tolerance` (`unit`). With `needed` measurements it could; None where no number is enough."""
+
+    measurements: int
+    name: str
+    power: float
+    tolerance: float
+    unit: str
+    needed: int | None
+
+
+def lacking_test(problem: Problem, x: Matrix, tolerance: Mapping[str, float]) -> LackingTest | None:
+    """What the test of a calibration by these aimed measurements lacks, at x (p,); None where it can pass.
+    `tolerance` by unit: deg, mm."""
+    powers = _planned_powers(problem, x, problem.shots, tolerance)
+    name = min(powers, key=powers.__getitem__)
+    if powers[name] >= POWER:
+        return None
+    item = problem.parameters.items[problem.parameters.index(name)]
+    needed = _needed(problem, x, tolerance)
+    return LackingTest(problem.shots, name, powers[name], tolerance[item.unit], item.unit, needed)
+
+
+def _needed(problem: Problem, x: Matrix, tolerance: Mapping[str, float]) -> int | None:
+    """The fewest measurements with which the test has the power that a plan aims at."""
+
+    def enough(count: int) -> bool:
+        return min(_planned_powers(problem, x, count, tolerance).values()) >= AIM
+
+    low, high = problem.shots + 1, _FARTHEST * problem.shots
+    if not enough(high):
+        return None
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle + 1, high)
+    return high
+
+
+def _planned_powers(
+    problem: Problem, x: Matrix, count: int, tolerance: Mapping[str, float]
+) -> dict[str, float]:
+    """The power against an error of the tolerance, by offset that is estimated, after `count` measurements:
+    the plan's, again and again, of which the test repeats as many as it has at most. Another plan of so many
+    is at least about as good."""
+    measured = problem.select(np.arange(count) % problem.shots)
+    offsets = [item for item in measured.parameters.items if item.group == "offset" and not item.held]
+    if not measured.noise_estimable:  # such a run has no answer at all
+        return dict.fromkeys((item.name for item in offsets), 0.0)
+    covariance = predicted_covariance(measured, x)
+    calibration = Predictor(measured, x, covariance, noise_dof=noise_dof(measured))
+    rows = np.unique(np.linspace(0, count - 1, MOST).round().astype(int))
+    entered = {item.name: 0.0 for item in offsets}
+    prediction = AcceptancePrediction(calibration, of_rows(measured, rows), entered, planned=True)
+    powers = prediction.powers(
+        prediction.shifted({}), {item.name: (tolerance[item.unit],) for item in offsets}
+    )
+    return {name: one for name, (one,) in powers.items()}

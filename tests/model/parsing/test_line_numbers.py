@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zerobeam.experiments.makers.program_parts import span, understood
-from zerobeam.model.parsing.lines import line_numbers
+from zerobeam.model.parsing.reading import line_numbers
 
 
 @given(st.text(alphabet="a\n\r é", max_size=60))
