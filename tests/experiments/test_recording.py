@@ -333,7 +333,7 @@ def test_a_probe_is_led_by_hand(tmp_path: Path) -> None:
     assert answer["shots"] == list(range(6))
     rows = (tmp_path / "run.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "part.jsonl").write_bytes(b"".join(rows[:4]))
-    record(plan, tmp_path / "part.jsonl", RunRequest("simulated", 4, camera=False, resume=True), silent)
+    record(plan, tmp_path / "part.jsonl", RunRequest("simulated", seed=4, camera=False, resume=True), silent)
     assert (tmp_path / "part.jsonl").read_bytes() == b"".join(rows)
     with pytest.raises(BadInput, match="--adaptive is for a laser"):
         record(plan, tmp_path / "other.jsonl", RunRequest("simulated", adaptive=True, tolerance=0.1), silent)
