@@ -30,7 +30,7 @@ from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
 from ..model.records import internal, it, record, worded
-from .covariance import Covariance, Rows, ValuesByName, frame, row_text
+from .covariance import Covariance, Rows, ValuesByName, frame
 from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
@@ -44,6 +44,7 @@ from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
 from .recordings.resting import resting_columns
 from .recordings.steps import RecordingSteps, steps
+from .row import ParameterRow
 from .status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, with_misfit
 
 if TYPE_CHECKING:
@@ -55,44 +56,23 @@ if TYPE_CHECKING:
 EQUALLY_GOOD = float(np.log(1000.0))
 
 
-@record(needed=("name", "unit", "group", "status", "held", "estimate", "std", "interval95"))
-class ParameterResult:
-    """One row of the answer: the parameter `name` of a `group` (offset, geometry, target, tool, …), its
-    numbers in its `unit` (deg, mm, or 1 of a noise factor).
+@record(needed=("name", "unit", "status", "estimate", "std", "interval95", "group"))
+class ParameterResult(ParameterRow):
+    """One row of the answer, of a `group` (offset, geometry, target, tool, …).
 
-    `status` is "identified", "weak", "assumed", "unidentifiable", "held", or "unvalidated" after a misfit.
-    `estimate`, `std`, `interval95` are None where it is "unidentifiable" (the data do not determine it); for
-    a "held" one `estimate` is the value it is held at, `std` None and `cause` says why. `prior_std` is that
-    of the prior, `data_std` without prior, None for an exact gauge (infinite) and for held ones. `midpoint`
-    is the paper's eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share`
-    (0 to 1) is the part of the variance that the tolerances of the geometry set, None where the geometry is
-    nominal. `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the
-    effective degrees of freedom of `std`, infinite of known noise.
-
-    Raises UnsoundResult where a number is claimed that the status does not allow.
+    `status` is "identified", "weak", "assumed", "unidentifiable", "held", or "unvalidated" after a misfit;
+    `cause` says why. `prior_std` is that of the prior, `data_std` without prior, None for an exact gauge
+    (infinite) and for held ones. `midpoint` is the paper's eq. 8 estimate, None where unidentifiable, held or
+    not part of that fit. `tolerance_share` (0 to 1) is the part of the variance that the tolerances of the
+    geometry set, None where it is nominal. `tolerated`: the prior is such a tolerance, of the arm or of a
+    calibrated tool. `dof` are the effective degrees of freedom of `std`, infinite of known noise.
     """
 
-    name: Annotated[str, it("of the parameter, as `delta2` (docs/conventions.md)")]
-    unit: Annotated[
-        str, it("`deg`, `mm`, or `1` for a factor on the noise: 1.2 means 1.2 times the stated noise")
-    ]
     group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
-    status: Annotated[Status, it("what the data determine")]
-    held: Annotated[bool, it("whether it is not estimated")]
-    estimate: Annotated[
-        float | None, it("the mode of the posterior; the value of a held parameter; null if unidentifiable")
-    ]
-    std: Annotated[float | None, it("standard uncertainty at the mode; null if unidentifiable or held")]
     data_std: Annotated[
         float | None,
         it(
             "standard uncertainty without prior; null if held, infinite, or undetermined between local optima"
-        ),
-    ]
-    interval95: Annotated[
-        tuple[float, float] | None,
-        it(
-            "95 % interval at the mode; null if unidentifiable or held; of a noise factor it is not symmetric"
         ),
     ]
     prior_std: Annotated[float, it("standard deviation of the prior")]
@@ -115,39 +95,26 @@ class ParameterResult:
     )
 
     def __post_init__(self) -> None:
-        if self.held != (self.status == "held"):
-            raise UnsoundResult(f"{self.name!r} is held: {self.held}, but its status is {self.status}")
-        if self.status == "held":
-            require_no_more_than(
-                self.name, "held", std=self.std, interval95=self.interval95, midpoint=self.midpoint
-            )
+        super().__post_init__()
+        if self.held:
+            require_no_more_than(self.name, "held", midpoint=self.midpoint)
             if self.estimate is None or (self.cause is None and self.reason is None):
                 raise UnsoundResult(
                     f"{self.name!r} is held without the value that it is held at or the cause"
                 )
             return
-        claims = {"estimate": self.estimate, "std": self.std, "interval95": self.interval95}
         require_no_more_than(
-            self.name, self.status, **claims, midpoint=self.midpoint, tolerance_share=self.tolerance_share
+            self.name, self.status, midpoint=self.midpoint, tolerance_share=self.tolerance_share
         )
-        if has_numbers(self.status):
-            if self.estimate is None or self.std is None or self.interval95 is None:
-                raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
-            if not self.std > 0 or not self.interval95[0] < self.interval95[1]:
-                raise UnsoundResult(f"{self.name!r} is {self.status}, but its std or interval95 is empty")
+        if has_numbers(self.status) and (
+            self.estimate is None or self.std is None or self.interval95 is None
+        ):
+            raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
 
     @property
     def absent(self) -> tuple[str, ...]:
         """Keys that only the row of an offset has."""
         return () if self.group == "offset" else ("tolerance_share",)
-
-    @property
-    def u(self) -> float | None:
-        """The standard uncertainty (GUM), another name for `std`."""
-        return self.std
-
-    def __repr__(self) -> str:
-        return row_text(self.name, self.unit, self.status, self.estimate, self.std)
 
     def interval(self, level: float = 0.95) -> tuple[float, float] | None:
         """The central interval that holds `level` of the probability, such as 0.68, by the curvature.
@@ -517,7 +484,6 @@ class Solution:
             unit=item.unit,
             group=item.group,
             status=status,
-            held=item.held,
             estimate=item.shown(value) if determined or item.held else None,
             std=item.shown_std(value, float(self.std[i])) if determined else None,
             data_std=data_std if np.isfinite(data_std) else None,

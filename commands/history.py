@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ..experiments.history.database import Database
     from ..experiments.history.entry import Entry
     from ..experiments.history.store import Damaged
-    from ..model.files.json_document import JsonDocument
     from ..reports.history.arm_page import ArmHistory
     from ..reports.style.blocks import Block
 
@@ -163,9 +162,10 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
 @histories.of_options("show")
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
-    from ..experiments.history.documents import HistoryDocument, HistoryEvent, HistoryResult
+    from ..experiments.history.documents import HistoryList
     from ..experiments.history.store import events, find_arm, judgement_of, results
-    from ..reports.history.lists import events_table, results_table
+    from ..model.records import to_json
+    from ..reports.history.lists import events_table, results_table, worth
 
     with damage_named() as damaged:
         with opened(db) as history:
@@ -173,13 +173,13 @@ def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = Fa
             stored, logged = list(results(history, arm, damaged)), events(history, arm, damaged)
             judged = [judgement_of(history, one.sha256) for one in stored]
         if as_json:
-            answer = HistoryDocument(
+            answer = HistoryList(
                 serial=arm[0],
                 model=arm[1],
-                results=[HistoryResult.of(*each) for each in zip(stored, judged, strict=True)],
-                events=[HistoryEvent.of(event) for event in logged],
+                results=tuple(map(worth, stored, judged)),
+                events=tuple(logged),
             )
-            print_json(answer.to_json())
+            print_json(to_json(answer))
         else:
             _print(arm, (results_table(stored, judged), events_table(logged)))
 
@@ -283,9 +283,10 @@ def drift(
 ) -> None:
     """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
     from ..experiments.history.arm_drift import arm_drift
-    from ..experiments.history.documents import DriftDocument
+    from ..experiments.history.documents import DriftOfArms
     from ..experiments.history.fleet_drift import drift_of_each, fleet_drift
     from ..experiments.history.store import arms, events, find_arm, results
+    from ..model.records import to_json
     from ..reports.history.drift_text import arms_drift_table, drift_blocks, fleet_blocks
 
     with opened(db) as history, progress("drift") as tell:
@@ -302,7 +303,7 @@ def drift(
             tell(serial, 0.0)
             drifts = [arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)]
     if as_json:
-        print_json(DriftDocument.of(drifts, fleet).to_json())
+        print_json(to_json(DriftOfArms(arms=tuple(drifts), fleet=fleet)))
     elif fleet is not None:
         _print(None, (arms_drift_table(drifts), *fleet_blocks(fleet)))
     else:
@@ -319,6 +320,7 @@ def report(
     from ..experiments.history.arm_drift import arm_drift
     from ..experiments.history.entry import moment
     from ..experiments.history.store import arms, events, find_arm, judgement_of, results
+    from ..model.records import to_json
     from ..reports.history.arm_page import ArmHistory
     from ..reports.history.arm_page import headline as arm_headline
     from ..reports.history.fleet_page import headline as fleet_headline
@@ -352,13 +354,13 @@ def report(
             tell("writing", 0.5)
             write_arm(folder, arm_history)
             summary, page = arm_headline(arm_history), ARM_PAGE
-            answer: JsonDocument = arm_document(arm_history)
+            answer: object = arm_document(arm_history)
         else:
             named = [(one.serial, one.model) for one in every if model in (None, one.model)]
             fleet = write_fleet(folder, named, of, tolerance_mm, when, tell)
             summary, page, answer = fleet_headline(fleet), FLEET_PAGE, fleet_document(fleet)
     if as_json:
-        print_json(answer.to_json())
+        print_json(to_json(answer))
     else:
         say(f"{summary.word}. {summary.sentence}")
         say(f"Report: {folder / page}")

@@ -73,7 +73,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         print_json(to_json(checked))
     else:
-        print_check(out, checked)
+        print_check(out, replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix())))
         print_picture(picture)
     raise typer.Exit(EXIT_STATUS[checked.verdict])
 
@@ -150,7 +150,7 @@ def compare(
     from ..analysis.repeatability.compare import compare as compare_runs
     from ..reports.repeatability.comparison_folder import check_target, write_comparison
     from ..reports.repeatability.comparison_page import print_comparison
-    from ..words.comparison_json import ComparisonDocument
+    from ..words.sentences import to_json
 
     if folder is not None:
         check_target(folder)
@@ -160,7 +160,7 @@ def compare(
             tell("writing", 1.0)
             paths = write_comparison(folder, comparison)
     if as_json:
-        print_json(ComparisonDocument.of(comparison).to_json())
+        print_json(to_json(comparison))
     else:
         print_comparison(out, comparison)
         if folder is not None:
@@ -284,11 +284,12 @@ def batch(
     ] = 1000.0,
 ) -> None:
     """Solve many runs: results, reports if asked, tables, and one page over all."""
-    from ..experiments.batch import BatchDocument, BatchSettings, run_files
+    from ..experiments.batch import BatchSettings, run_files
     from ..reports.batch.batch_folder import require_parquet
     from ..reports.batch.batch_page import print_batch
     from ..reports.batch.carried_out import STORE, check_target
     from ..reports.batch.carried_out import batch as carry_out
+    from ..words.sentences import to_json
 
     if parquet:
         require_parquet()
@@ -305,7 +306,7 @@ def batch(
             say(kept, to=err)
         raise
     if as_json:
-        print_json(BatchDocument.of(done).to_json())
+        print_json(to_json(done))
     else:
         print_batch(out, done)
         say(f"Page: {folder / 'batch.html'}")

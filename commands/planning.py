@@ -53,13 +53,16 @@ def plan(
     _require_of_kind(context, kind, options)
     from ..experiments.plans.make import PlanRequest, make_plan
     from ..model.files.header_file import read_header
-    from ..model.files.plan import read_plan
+    from ..model.files.plan import is_plan, read_plan
     from ..model.files.robot_file import robot_path
     from ..model.files.run import header_of_run
     from ..model.files.whole_file import refuse_existing
     from ..reports.terminal.answers import print_proposal
 
-    shared_header = header_of_run(header) if header.suffix == ".jsonl" else read_header(header)
+    if header.suffix == ".jsonl":
+        shared_header = header_of_run(header)
+    else:
+        shared_header = read_plan(header).header if is_plan(header) else read_header(header)
     refuse_existing(
         file, force=force, keep=[header, options.obstacles, robot_path(shared_header.robot, header.parent)]
     )

@@ -103,7 +103,16 @@ def robot(
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
     its file from rows, a data sheet or a URDF; with -o copy another's."""
     from ..experiments.arm_shown import arm_json, typed_arm
-    from ..experiments.new_robot import copy_robot, typed_vendor
+    from ..experiments.new_robot import (
+        RobotEntries,
+        content_of,
+        copy_robot,
+        typed_lengths,
+        typed_vendor,
+        with_fanuc_backup,
+        write_robot,
+    )
+    from ..experiments.urdf_robot import content_of_chain, stated_chain
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
     from ..reports.terminal.arm import print_arm, print_robots
@@ -131,11 +140,15 @@ def robot(
                 raise BadInput(
                     "an arm is stated once", found="--urdf with --row, --sheet, --range or --convention"
                 )
-            _write_of_urdf(file, maker, urdf, base, tip, below, fanuc_backup)
+            chain = stated_chain(urdf, base, tip, below)
+            content, head = content_of_chain(file.stem, maker, chain), chain.head
         elif base is not None or tip is not None:
             raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
         else:
-            _write_new(file, maker, row or [], convention, below, sheet, ranges or [], fanuc_backup)
+            lengths = None if sheet is None else typed_lengths(sheet)
+            entries = RobotEntries(file.stem, maker, row or [], convention, lengths, ranges or [], below)
+            content, head = content_of(entries), ""
+        write_robot(file, with_fanuc_backup(content, fanuc_backup), head)
         base = tip = None
         name = str(file)
         if picture is None:
@@ -161,36 +174,3 @@ def robot(
         print_picture(picture)
     if arm.check is not None and not arm.check.agrees:
         raise typer.Exit(EXIT_STATUS["misfit"])
-
-
-def _write_new(
-    file: Path,
-    vendor: str,
-    rows: list[str],
-    convention: Literal["standard", "modified"],
-    below: float,
-    sheet: str | None,
-    ranges: list[str],
-    backup: Path | None,
-) -> None:
-    from ..experiments.new_robot import (
-        RobotEntries,
-        content_of,
-        typed_lengths,
-        with_fanuc_backup,
-        write_robot,
-    )
-
-    lengths = None if sheet is None else typed_lengths(sheet)
-    entries = RobotEntries(file.stem, vendor, rows, convention, lengths, ranges, below)
-    write_robot(file, with_fanuc_backup(content_of(entries), backup))
-
-
-def _write_of_urdf(
-    file: Path, vendor: str, urdf: Path, base: str | None, tip: str | None, below: float, backup: Path | None
-) -> None:
-    from ..experiments.new_robot import with_fanuc_backup, write_robot
-    from ..experiments.urdf_robot import content_of_chain, stated_chain
-
-    chain = stated_chain(urdf, base, tip, below)
-    write_robot(file, with_fanuc_backup(content_of_chain(file.stem, vendor, chain), backup), chain.head)

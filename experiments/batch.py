@@ -7,21 +7,20 @@ import json
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from ..analysis.analyse import Sampling
 from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
-from ..analysis.status import Status, Verdict, known, require_no_more_than, versions
+from ..analysis.row import ParameterRow
+from ..analysis.status import Verdict, known, versions
 from ..model.errors import BadInput, UnsoundResult
-from ..model.files.json_document import JsonDocument
 from ..model.files.run import Run
 from ..model.kinematics.robot import Robot
 from ..model.parsing.reading import real_path
+from ..model.records import it, key, record
 from .source import source_hash
 
 Outcome = Verdict | Literal["failed"]
@@ -31,35 +30,30 @@ OUTLIER_ALARM = 0.01  # probability of any false alarm over all arms and offsets
 BATCH_SCHEMA: Literal["zerobeam/batch/1"] = "zerobeam/batch/1"
 
 
-@dataclass(frozen=True)
+@record
 class BatchSettings:
     """How all runs of a batch are solved."""
 
-    seed: Annotated[int, Field(description="random seed")]
-    ess: Annotated[float, Field(description="effective sample size that is required of the posteriors")]
-    sampling: Annotated[Sampling, Field(description="which posteriors are sampled")]
-    report: Annotated[bool, Field(description="whether each run has its whole report")]
+    seed: Annotated[int, it("random seed")]
+    ess: Annotated[float, it("effective sample size that is required of the posteriors")]
+    sampling: Annotated[Sampling, it("which posteriors are sampled")]
+    report: Annotated[bool, it("whether each run has its whole report")]
 
 
-@dataclass(frozen=True)
-class BatchOffset:
-    """An offset of a run: no estimate, u and interval where the data do not determine it."""
+@record
+class BatchOffset(ParameterRow):
+    """An offset of a run; its standard uncertainty has the key `u`."""
 
-    name: str
-    unit: str
-    status: Status
-    estimate: Annotated[float | None, Field(description="null where the data do not determine it")]
-    u: Annotated[float | None, Field(description="standard uncertainty")]
-    interval95: Annotated[tuple[float, float] | None, Field(description="95 % interval")]
+    absent = ("std", "held")
 
-    def __post_init__(self) -> None:
-        claims = {"u": self.u, "interval95": self.interval95}
-        if self.status != "held":
-            claims["estimate"] = self.estimate
-        require_no_more_than(self.name, self.status, **claims)
+    @property
+    @key("standard uncertainty")
+    def u(self) -> float | None:
+        """The standard uncertainty."""
+        return self.std
 
 
-@dataclass(frozen=True)
+@record
 class BatchRow:
     """One run. `outcome` is its verdict (`weak` of a pass by which nothing is to be entered), or `failed`:
     then `message` says why, and there is nothing else.
@@ -68,37 +62,33 @@ class BatchRow:
     stated noise (None where it is estimated); `posterior` says what became of it.
     """
 
-    name: Annotated[str, Field(description="of its folder")]
-    file: Annotated[str, Field(description="path of the run file, relative to the batch")]
+    name: Annotated[str, it("of its folder")]
+    file: Annotated[str, it("path of the run file, relative to the batch")]
     outcome: Annotated[
         Outcome,
-        Field(
-            description="the verdict (`weak` of a pass by which nothing is to be entered), or `failed`: then"
+        it(
+            "the verdict (`weak` of a pass by which nothing is to be entered), or `failed`: then"
             " `message` says why, and there is nothing else"
         ),
     ]
-    message: Annotated[str, Field(description="the headline, or why the run failed")]
-    sha256: Annotated[str | None, Field(description="of the run")] = None
-    robot: Annotated[str | None, Field(description="its name")] = None
-    serial: Annotated[str | None, Field(description="its serial number, where the run states it")] = None
-    when: Annotated[str | None, Field(description="date of the run, where it states it")] = None
-    measurements: Annotated[int | None, Field(description="how many")] = None
-    factor: Annotated[float | None, Field(description="root of chi-squared over its degrees of freedom")] = (
-        None
-    )
+    message: Annotated[str, it("the headline, or why the run failed")]
+    sha256: Annotated[str | None, it("of the run")] = None
+    robot: Annotated[str | None, it("its name")] = None
+    serial: Annotated[str | None, it("its serial number, where the run states it")] = None
+    when: Annotated[str | None, it("date of the run, where it states it")] = None
+    measurements: Annotated[int | None, it("how many")] = None
+    factor: Annotated[float | None, it("root of chi-squared over its degrees of freedom")] = None
     p_value: Annotated[
-        float | None, Field(description="of the residuals by the stated noise; null where that is estimated")
+        float | None, it("of the residuals by the stated noise; null where that is estimated")
     ] = None
     misfit: Annotated[
-        tuple[str, ...], Field(description="criteria by which the model does not describe the measurements")
+        tuple[str, ...], it("criteria by which the model does not describe the measurements")
     ] = ()
     posterior: Annotated[
         str | None,
-        Field(
-            description="`sampled`, `not converged`, `not needed`, `not sampled` or `nothing identifiable`"
-        ),
+        it("`sampled`, `not converged`, `not needed`, `not sampled` or `nothing identifiable`"),
     ] = None
-    offsets: Annotated[tuple[BatchOffset, ...], Field(description="rows of its offsets")] = ()
+    offsets: Annotated[tuple[BatchOffset, ...], it("rows of its offsets")] = ()
 
     def __post_init__(self) -> None:
         if self.outcome == "failed" and self.offsets:
@@ -115,33 +105,35 @@ class BatchRow:
         return max(angles or free, key=lambda row: row.u or 0.0)
 
 
-@dataclass(frozen=True)
+@record
 class OutlierArm:
     """An identified offset that is an outlier among those of the other arms of its model."""
 
-    run: Annotated[str, Field(description="its name in the batch")]
-    robot: Annotated[str, Field(description="name of the robot")]
-    serial: Annotated[str | None, Field(description="serial number of the arm, where the run states it")]
-    offset: Annotated[str, Field(description="name of the offset")]
-    unit: Annotated[str, Field(description="of the estimate")]
-    estimate: Annotated[float, Field(description="of the offset")]
+    run: Annotated[str, it("its name in the batch")]
+    robot: Annotated[str, it("name of the robot")]
+    serial: Annotated[str | None, it("serial number of the arm, where the run states it")]
+    offset: Annotated[str, it("name of the offset")]
+    unit: Annotated[str, it("of the estimate")]
+    estimate: Annotated[float, it("of the offset")]
     off: Annotated[
         float,
-        Field(
-            description="distance from the mean of the other arms of the model, in their standard deviations"
-        ),
+        it("distance from the mean of the other arms of the model, in their standard deviations"),
     ]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Batch:
     """All runs of a batch, in the order of their files."""
 
-    rows: tuple[BatchRow, ...]
-    settings: BatchSettings
-    versions: Mapping[str, str]
+    schema: Annotated[Literal["zerobeam/batch/1"], it("kind and version of the document")] = field(
+        default=BATCH_SCHEMA, kw_only=True
+    )
+    rows: Annotated[tuple[BatchRow, ...], it("in the order of their files", name="runs")]
+    settings: Annotated[BatchSettings, it("how all runs are solved")]
+    versions: Annotated[Mapping[str, str], it("of Python and the libraries")]
 
     @cached_property
+    @key("how many runs have each outcome, the gravest first", name="outcomes")
     def counts(self) -> dict[Outcome, int]:
         """How many runs have each outcome, the gravest first."""
         numbers_of = Counter(row.outcome for row in self.rows)
@@ -153,6 +145,7 @@ class Batch:
         return self.counts["pass"] == len(self.rows)
 
     @cached_property
+    @key("identified offsets that are outliers among those of a model", name="odd")
     def outliers(self) -> tuple[OutlierArm, ...]:
         """Offsets that do not belong to those of the other arms of a model, the furthest first."""
         groups: dict[tuple[str, str, str], list[tuple[BatchRow, float]]] = {}
@@ -168,22 +161,6 @@ class Batch:
                 row, value = group[index]
                 rows.append(OutlierArm(row.name, robot, row.serial, name, unit, value, off))
         return tuple(sorted(rows, key=lambda arm: -abs(arm.off)))
-
-
-class BatchDocument(JsonDocument):
-    """`batch.json`: all runs, outliers, settings."""
-
-    schema_: Literal["zerobeam/batch/1"] = Field(default=BATCH_SCHEMA, alias="schema")
-    outcomes: dict[Outcome, int] = Field(description="how many runs have each outcome, the gravest first")
-    runs: list[BatchRow] = Field(description="in the order of their files")
-    odd: list[OutlierArm] = Field(description="identified offsets that are outliers among those of a model")
-    settings: BatchSettings = Field(description="how all runs are solved")
-    versions: dict[str, str] = Field(description="of Python and the libraries")
-
-    @classmethod
-    def of(cls, done: Batch) -> BatchDocument:
-        """The document of a batch."""
-        return cls.filled(done, outcomes=done.counts, runs=list(done.rows), odd=list(done.outliers))
 
 
 @dataclass(frozen=True)

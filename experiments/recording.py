@@ -23,7 +23,7 @@ from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed
 from .plans.constraints import require_constraints, violations
-from .procedure.events import Ended, KnownOffset, Listener, RunOpened
+from .procedure.events import Ended, Listener, RunOpened
 from .procedure.order import Adaptive, InTurn, Order, WithClosing
 from .procedure.session import Procedure, ProcedureResult, recorded_event, state_of
 from .rigs.abb.access import Caution, ControllerAccess
@@ -429,10 +429,7 @@ def _answer(
         verdict=state.verdict,
         headline=incomplete + headline,
         message=replace(summary, verdict=incomplete + summary.verdict),
-        parameters=tuple(
-            KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
-            for row in state.offsets
-        ),
+        parameters=state.offsets,
         p_value=state.p_value,
         consistent=state.consistent,
         shots=tuple(shot.shot for shot in result.shots),

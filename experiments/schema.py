@@ -8,6 +8,7 @@ from pydantic import BaseModel
 
 from ..analysis.answer.result import Result
 from ..analysis.observability.check import Check
+from ..analysis.repeatability.compare import Comparison
 from ..model import records
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
@@ -16,9 +17,8 @@ from ..model.files.plan_file import Obstacles, PlanFile
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
 from ..model.parsing.reading import did_you_mean
-from ..words.comparison_json import ComparisonDocument
-from .batch import BatchDocument
-from .history.documents import ArmDocument, DriftDocument, FleetDocument, HistoryDocument
+from .batch import Batch
+from .history.documents import ArmDocument, DriftOfArms, FleetDocument, HistoryList
 from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
@@ -41,12 +41,12 @@ FILE_SCHEMAS: dict[str, type[BaseModel]] = {
 _ANSWERS: dict[str, type] = {
     "result": Result,
     "check": Check,
-    "compare": ComparisonDocument,
-    "batch": BatchDocument,
-    "history": HistoryDocument,
+    "compare": Comparison,
+    "batch": Batch,
+    "history": HistoryList,
     "history-arm": ArmDocument,
     "history-fleet": FleetDocument,
-    "drift": DriftDocument,
+    "drift": DriftOfArms,
 }
 SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 

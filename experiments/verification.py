@@ -22,6 +22,7 @@ from ..analysis.diagnostics.predicted_run import recorded_problem
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.prediction import Predictor
 from ..analysis.solution import Solution
+from ..model.arrays import Mask
 from ..model.errors import BadInput, located
 from ..model.files.header import Header, StatedTarget
 from ..model.files.plan import Means, write_plan
@@ -31,8 +32,10 @@ from ..model.files.whole_file import refuse_existing
 from ..model.instruments.kind import POINT, Instrument
 from ..model.likelihood.problem import Problem, by_posture
 from ..words.provenance import VERIFIES
+from ..words.wording import listed
 from .makers.calibration import converged_solution, require_validated
 from .makers.maker import vendor_of
+from .plans.constraints import clear_postures
 
 _SHA, _ENTERED = f"{VERIFIES} sha256", "entered"
 _DECIMALS = 6  # of degrees and mm in the plan
@@ -66,7 +69,8 @@ def write_verification(
         )
     with one_blas_thread():
         solution, entered = _determined(run)
-        plan = choose(solution, entered, _tolerances(run.header, tolerance), shots)
+        usable = _usable(run, solution, shots)
+        plan = choose(solution, entered, _tolerances(run.header, tolerance), shots, usable)
     _write(run, solution, plan, entered, file, force)
     return PlannedVerification(plan, path.name, run.sha256, vendor_of(run.robot))
 
@@ -129,6 +133,22 @@ def offsets_to_enter(run: Run) -> dict[str, float]:
     """Values to enter at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
     with one_blas_thread():
         return _determined(run)[1]
+
+
+def _usable(run: Run, solution: Solution, shots: int | None) -> Mask:
+    """(N,) the postures in which the arm does not block the beam: no robot is moved by a plan of others.
+    BadInput where too few are left."""
+    usable = clear_postures(solution.problem, solution.fit.x, run.header)
+    if usable.sum() < (shots or 1):
+        blocked = listed([str(i) for i in np.asarray(solution.problem.shot_numbers)[~usable].tolist()])
+        raise BadInput(
+            "the run has fewer postures than are asked for in which the arm is not in the way of the beam",
+            found=f"{usable.sum()} of {len(usable)}; the arm is in the way in measurements {blocked}",
+            allowed="postures of the run with a free beam",
+            remedy="where the links are thinner than 5 % of the arm, state `bodies` in the robot file",
+            file=run.path,
+        )
+    return usable
 
 
 def _tolerances(header: Header, tolerance: float | None) -> dict[str, float]:

@@ -16,7 +16,7 @@ from ..reports.output.html import card, text
 from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
 from ..reports.repeatability.comparison_page import comparison_page
 from ..reports.style.blocks import Page, Table
-from ..words.comparison_json import ComparisonDocument
+from ..words.sentences import to_json
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,7 +65,8 @@ class ComparedRuns(Comparison):
 
     def to_json(self) -> dict[str, Any]:
         """The content of `compare.json` (docs/compare.md) as plain dicts, lists, numbers and text."""
-        return ComparisonDocument.of(self).to_json()
+        answer: dict[str, Any] = to_json(self)
+        return answer
 
     def __repr__(self) -> str:
         return text(*self._shown())

@@ -12,7 +12,8 @@
         def tested(self) -> bool: ...
 
 A record is a frozen dataclass. Its JSON, the strict reading of it, its JSON Schema and its table follow from
-the fields: no second class repeats them. A number that is not finite is an error, never a quiet null.
+the fields: no second class repeats them. Times are UTC without a zone, and written with it. A number that is
+not finite is an error, never a quiet null.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import UTC, datetime
 from functools import cache, partial
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar, cast, dataclass_transform, get_type_hints
+from typing import Any, NamedTuple, TypeVar, cast, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import (
     BaseModel,
@@ -66,7 +68,20 @@ internal = _Internal()
 """Marks a field that the document does not have: None in a record that was read."""
 
 
-_WORDED, _IF_ANY = "worded", "if any"
+class inline(_Internal):
+    """Marks a field whose own fields are keys of the document, under these names: null where it is None.
+
+    As in `mean: Annotated[Mean | None, inline(value="mean", std="mean_std")]`.
+    """
+
+    def __init__(self, **names: str) -> None:
+        self.names = names
+
+
+if_any, or_null = object(), object()
+"""Mark a key that is not written where it is None, and a text that is null where it is empty."""
+
+_WORDED = "worded"
 
 
 def it(description: str, *, unit: str | None = None, name: str | None = None) -> Any:
@@ -79,13 +94,6 @@ def worded(description: str) -> Any:
     """The same of a key that `words` fill when the record is written. A record that was read has the text."""
     about = Field(description=description)
     about.metadata.append(_WORDED)
-    return about
-
-
-def if_any(description: str | None = None) -> Any:
-    """The same of a key that is absent, and not null, where its value is None."""
-    about = Field(description=description, exclude_if=lambda value: value is None)
-    about.metadata.append(_IF_ANY)
     return about
 
 
@@ -141,7 +149,7 @@ def _with_properties(
             shown = handler(cast(Any, TypeAdapter(one.type).core_schema))
             content["properties"][one.name] = {**shown, "description": one.description}
         content["properties"][one.name].pop("default", None)
-    content["required"] = [one.name for one in keys(cls) if not one.if_any]
+    content["required"] = [one.name for one in keys(cls) if if_any not in one.marks]
     return answer
 
 
@@ -153,17 +161,20 @@ class Key(NamedTuple):
     description: str
     worded: bool
     type: Any
-    if_any: bool = False
+    marks: tuple[Any, ...] = ()
 
 
 @cache
 def keys(cls: type) -> tuple[Key, ...]:
     """The keys of a record or a dataclass in the order of the document: fields, then properties."""
     hints = get_type_hints(cls, include_extras=True)
-    answer = []
+    answer: list[Key] = []
     for one in fields(cls):
         marks = getattr(hints[one.name], "__metadata__", ())
         if internal in marks:
+            continue
+        if parts := next((mark for mark in marks if isinstance(mark, inline)), None):
+            answer += _inlined(one.name, hints[one.name], parts.names)
             continue
         about = next((mark for mark in marks if isinstance(mark, FieldInfo)), Field())
         name = about.alias or one.name
@@ -174,15 +185,26 @@ def keys(cls: type) -> tuple[Key, ...]:
                 about.description or "",
                 _WORDED in about.metadata,
                 hints[one.name],
-                _IF_ANY in about.metadata,
+                marks,
             )
         )
     for name in dir(cls):
-        getter = getattr(getattr(cls, name, None), "fget", None)
+        attribute = getattr(cls, name, None)
+        getter = getattr(attribute, "fget", None) or getattr(attribute, "func", None)
         if (marked := getattr(getter, "key_of_document", None)) is not None:
             returns = get_type_hints(getter, include_extras=True)["return"]
-            answer.append(Key(marked[0], name, marked[1], False, returns))
+            marks = getattr(returns, "__metadata__", ())
+            answer.append(Key(marked[0], name, marked[1], False, returns, marks))
     return tuple(answer)
+
+
+def _inlined(name: str, annotated: Any, names: Mapping[str, str]) -> Iterator[Key]:
+    whole = get_args(annotated)[0]
+    inner = next(kind for kind in (whole, get_origin(whole), *get_args(whole)) if is_dataclass(kind))
+    for one in keys(cast(Any, inner)):
+        if one.name in names:
+            kept = one._replace(name=names[one.name], attribute=f"{name}.{one.attribute}")
+            yield kept._replace(type=one.type | None)
 
 
 def to_json(value: object, words: Words = _NO_WORDS) -> Any:
@@ -213,10 +235,17 @@ def _plain(value: object, words: Words) -> object:
     if is_dataclass(value):
         kind = _kind(cast(Any, type(value)))
         return {one.name: _plain(_shown(value, kind, one, words), words) for one in _present(value, kind)}
-    if isinstance(value, dict):
+    if isinstance(value, datetime):
+        return value.replace(tzinfo=UTC).isoformat()
+    if isinstance(value, Mapping):
         return {name: _plain(item, words) for name, item in value.items()}
     if isinstance(value, BaseModel):
-        return value.model_dump(mode="json", by_alias=True)
+        about = type(value).model_fields
+        return {
+            (about[name].alias or name) if name in about else name: _plain(item, words)
+            for name, item in value
+            if item is not None or name not in about or if_any not in about[name].metadata
+        }
     return [_plain(item, words) for item in value] if isinstance(value, list | tuple) else value
 
 
@@ -232,12 +261,16 @@ def _present(value: Any, kind: type) -> Iterator[Key]:
     return (
         one
         for one in keys(kind)
-        if one.name not in without and not (one.if_any and getattr(value, one.attribute) is None)
+        if one.name not in without and not (if_any in one.marks and getattr(value, one.attribute) is None)
     )
 
 
 def _shown(value: object, kind: type, one: Key, words: Words) -> object:
-    shown = getattr(value, one.attribute)
+    shown = value
+    for name in one.attribute.split("."):
+        shown = None if shown is None else getattr(shown, name)
+    if or_null in one.marks:
+        return shown or None
     if not one.worded or shown is not None or not words:  # without words a record says what it has
         return shown
     if kind not in words or one.attribute not in words[kind]:

@@ -70,8 +70,8 @@ def failure(reason: str) -> str:
 def notes(compared: Comparison) -> Iterator[str]:
     """What must be read with the answer."""
     for run in compared.runs:
-        if run.failure is not None:
-            yield f"{run.name} is not compared: {failure(run.failure)}"
+        if run.reason is not None:
+            yield f"{run.name} is not compared: {failure(run.reason)}"
         if run.undetermined:
             yield (
                 f"{listed(run.undetermined)} of {run.name} {be(run.undetermined)} unidentifiable: then the"

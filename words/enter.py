@@ -9,7 +9,8 @@ from .controllers import taken_by
 
 WHY_THEY_DIFFER = (
     "The values are not the offsets of the arm: the controller computes with nominal links, so the values"
-    " also make up for links that deviate and joints that bend, as far as offsets can."
+    " also make up for links that deviate and joints that bend, as far as offsets can. The U of a value"
+    " includes how well these are known: it may be larger than that of the offset."
 )
 NOT_CLAIMED = "What they gain at the TCP is not claimed: it depends on what is not determined."
 NO_REQUIREMENT = (

@@ -71,10 +71,10 @@ from .misfit import (
     measurements,
     step_sentence,
 )
-from .misfit_causes import CAUSES, mend
+from .misfit_causes import CAUSES, by_another_run, mend
 from .observability import condition, direction_remedy, reason, stating, unnoticed_sentence
 from .provenance import is_simulated
-from .verdict import VERDICT_WORDS, resting
+from .verdict import VERDICT_WORDS, assumed_steps, resting
 from .wording import (
     NOT_DETERMINED,
     Namer,
@@ -491,7 +491,8 @@ def _action(case: _Case) -> Action:
     run = run_argument(case.run)
     again = f"zerobeam analyse {run}"
     if case.stopped is not None and case.diagnosis:
-        return Action(f"Enter nothing. {mend(case.diagnosis[0])}", again)
+        elsewhere = by_another_run(case.diagnosis[0])
+        return Action(f"Enter nothing. {mend(case.diagnosis[0])}", None if elsewhere else again)
     if case.stopped is not None:
         return Action(
             "Enter nothing: look for a wrong measurement, or state a better guess of target and tool.", again
@@ -503,7 +504,8 @@ def _action(case: _Case) -> Action:
         best = case.diagnosis[0] if case.diagnosis else None
         if best is not None and best.cause == "measurements" and not in_no_file(case.run):
             again += f" --drop {','.join(map(str, best.measurements))}"
-        return Action(f"Enter nothing. {_mend(case)}", again)
+        elsewhere = bool(case.diagnosis) and all(map(by_another_run, _named(case.diagnosis or ())))
+        return Action(f"Enter nothing. {_mend(case)}", None if elsewhere else again)
     if (doubt := case.doubt) is not None:
         return Action(check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
@@ -545,13 +547,18 @@ def _assumed(case: _Case) -> list[Assumption]:
     return list(dict.fromkeys(one for some in of for one in some))
 
 
+def _named(diagnosis: Sequence[Explanation]) -> Sequence[Explanation]:
+    """The explanations whose remedies are said: the best, or those between which nothing decides."""
+    return undecided(diagnosis)[:_MOST_ASKED] or diagnosis[:1]
+
+
 def _mend(case: _Case) -> str:
     assert case.misfit is not None
     if case.diagnosis:
-        questions = undecided(case.diagnosis)[:_MOST_ASKED]
-        if not questions:
-            return mend(case.diagnosis[0])
-        return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in questions)
+        first, *others = _named(case.diagnosis)
+        if not others:
+            return mend(first)
+        return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in (first, *others))
     match _sharpest(case.misfit):
         case Displacement(station=True) as at:
             return (
@@ -654,6 +661,7 @@ def _evidence(case: _Case, misfit: Misfit, name: Namer) -> Iterator[str]:
 def _reservations(case: _Case, name: Namer) -> Iterator[str]:
     """What an answer is subject to."""
     cause = case.doubt
+    yield from assumed_steps(case.offsets, name)
     for finding in case.findings:
         if finding is not cause and not isinstance(finding, NotConverged | FileWarning):
             yield finding_sentence(finding, name)

@@ -55,6 +55,10 @@ _SPOTS = {
     "exchanged and negated": "spot_mm with its two axes exchanged and negated",
 }
 _AGAIN = "and analyse again"
+# Mended by another file: by a new import, or by a new recording.
+_BY_ANOTHER_RUN = frozenset(
+    {"units", "quaternion", "inverse", "inverse_pose", "jump", "drift", "lag", "backlash"}
+)
 
 
 def changed(explanation: Explanation) -> str:
@@ -136,6 +140,11 @@ def changed(explanation: Explanation) -> str:
             return "with link geometry estimated"
         case "geometry" | "gravity" | "harmonics":
             return f"with {_LARGER[explanation.cause]} {times(amount)} times the stated tolerance"
+
+
+def by_another_run(explanation: Explanation) -> bool:
+    """Whether what is to be done makes another run file: the present one is not to be analysed again."""
+    return explanation.cause in _BY_ANOTHER_RUN
 
 
 def mend(explanation: Explanation) -> str:

@@ -48,6 +48,7 @@ _BASE_FRAME = (
 )
 _CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
+_PLAN_MORE = "plan more measurements (zerobeam plan optimal --shots)"
 _PLAN_ANEW = "plan other postures (zerobeam plan optimal)"
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
@@ -174,13 +175,18 @@ def _change(tried: Tried) -> str:
         again = "measure again and vary joint" if tried.measured else "vary joint"
         return (
             f"{again} {tried.joint} by {numbers.exact(tried.amount, unit)}{where} ({move} by"
-            f" {numbers.MINUS}{half}, {half} and {numbers.exact(0.0, unit)} in turn, and aimed anew)"
+            f" {numbers.MINUS}{half}, {half} and {numbers.exact(0.0, unit)} in turn{_aimed(tried, ', and')})"
         )
     (number,) = tried.postures
-    by = f"joint {tried.joint} {move} by {numbers.exact(tried.amount, unit)} and aimed anew"
+    by = f"joint {tried.joint} {move} by {numbers.exact(tried.amount, unit)}{_aimed(tried, ' and')}"
     if tried.how == "replace":
         return f"replace posture {number} by the same with {by}"
     return f"add {'one like measurement' if tried.measured else 'one like posture'} {number} with {by}"
+
+
+def _aimed(tried: Tried, joined: str) -> str:
+    """That the wrist is turned onto the target then, where an instrument has a beam."""
+    return f"{joined} aimed anew" if tried.aimed else ""
 
 
 def _closer(cause: Cause, tried: Tried) -> str:
@@ -194,7 +200,10 @@ def _closer(cause: Cause, tried: Tried) -> str:
 
 def _promise(tried: Tried, name: Namer) -> str:
     """What a remedy is predicted to give."""
-    return f"predicted u: {listed([_predicted(each, name) for each in tried.predicted])}"
+    text = f"predicted u: {listed([_predicted(each, name) for each in tried.predicted])}"
+    if any(each.after > each.tolerance for each in tried.predicted):
+        text += f"; then {_PLAN_MORE}"
+    return text
 
 
 def _predicted(row: Predicted, name: Namer) -> str:
@@ -315,15 +324,18 @@ def _common_motion(cause: CommonMotion) -> str:
             f"rotation about the axis of joint {k}" if turning else f"translation along the axis of joint {k}"
         )
         return (
-            f"a {about} moves the target nearly the same way in every measurement, although {_ranges(cause)}"
+            f"a {about} moves {'what is measured' if cause.frame else 'the target'} nearly the same way in"
+            f" every measurement, although {_ranges(cause)}"
         )
     constant = max(cause.ranges) <= _CONSTANT
     how = "" if constant else "within the noise " if cause.hidden else ""
     so = (
         f"{how}an offset of joint {k} is {'' if constant or cause.hidden else 'nearly '}equivalent to a"
-        f" {'rotation' if turning else 'translation'} of everything after joint {k - 1}, the target included"
+        f" {'rotation' if turning else 'translation'} of everything after joint {k - 1}, the"
+        f" {'frame of the instrument' if cause.frame else 'target'} included"
     )
-    x_pattern = " (the X-Pattern of section 3.2)" if cause.revolute == (True, True) else ""
+    is_pattern = cause.revolute == (True, True) and not cause.frame
+    x_pattern = " (the X-Pattern of section 3.2)" if is_pattern else ""
     return f"{_little(cause)} over the measurements, so {so}{x_pattern}"
 
 
@@ -427,7 +439,8 @@ def advice_sentence(check: Check) -> str | None:
         gain = f"the largest predicted standard uncertainty falls from {before} to {after}"
     return (
         f"The single change that helps most: posture {advice.posture} with joint {advice.joint} rotated"
-        f" by {numbers.exact(advice.change_deg, advice.unit)} and aimed anew, {what}: {gain}."
+        f" by {numbers.exact(advice.change_deg, advice.unit)}"
+        f"{' and aimed anew' if check.aimed.problem.tool.beam else ''}, {what}: {gain}."
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 
 from ..analysis.answer.message import Action, Message, WorstOffset
@@ -18,7 +19,7 @@ from .observability import (
     reason,
     stating,
 )
-from .verdict import VERDICT_WORDS, check_notes, resting, violation_words
+from .verdict import VERDICT_WORDS, assumed_steps, check_notes, resting, violation_words
 from .wording import be, capital, counted, ended, listed, person, sentence
 
 COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
@@ -36,7 +37,7 @@ def plan_message(check: Check) -> Message:
         verdict=f"{VERDICT_WORDS[check.verdict]}. {_determined(check)}",
         worst=None if worst is None else _worst(worst),
         cause=None if cause is None else ended(sentence(capital(cause))),
-        action=Action(ended(sentence(_action(check))), None),
+        action=plan_action(check),
         cautions=tuple(ended(sentence(text)) for text in _cautions(check))[:_MOST_CAUTIONS],
     )
 
@@ -103,6 +104,20 @@ def _cause(check: Check) -> str | None:
     return None if subject_to is None else f"a pass of such a run holds if {subject_to}"
 
 
+def plan_action(check: Check) -> Action:
+    """What to do with a plan, and the command that makes another where some postures are no measurements."""
+    return Action(ended(sentence(_action(check))), _made_anew(check) if check.violations else None)
+
+
+def _made_anew(check: Check) -> str | None:
+    """The command that plans as many measurements by the plan's header; None for several instruments."""
+    header = check.aimed.plan.header
+    if len(header.labels) > 1:
+        return None
+    plan = shlex.quote(check.inputs.plan)
+    return f"zerobeam plan optimal --header {plan} --shots {len(check.postures)} -o new-plan.yaml"
+
+
 def _action(check: Check) -> str:
     if check.violations:
         broken = sorted({each.posture for each in check.violations})
@@ -110,7 +125,11 @@ def _action(check: Check) -> str:
         loosen = (
             "" if all(each.condition == "arm" for each in check.violations) else ", or loosen the constraint"
         )
-        return f"Change or remove {noun} {listed([str(i) for i in broken])}{loosen}"
+        counted_from = "the plan's first posture is 0"
+        return (
+            f"Change or remove {noun} {listed([str(i) for i in broken])} ({counted_from}){loosen}, or make"
+            " another plan"
+        )
     row = _limiting(check)
     if row is None:
         assumed = [row.cause.of for row in _offsets(check, "assumed") if isinstance(row.cause, AsGoodAs)]
@@ -124,5 +143,6 @@ def _action(check: Check) -> str:
 def _cautions(check: Check) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
     yield from check_notes(check)[1 if check.violations else 0 :]
+    yield from assumed_steps(_offsets(check), person)
     yield from filter(None, [over_target_sentence(check)])
     yield from (text for text in power_sentences(check.power) if "may not detect" in text)

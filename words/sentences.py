@@ -28,9 +28,11 @@ from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import Check, CheckedParameter
 from ..analysis.posterior.posterior import PosteriorSummary
 from ..analysis.recordings.steps import RecordingStep
+from ..analysis.repeatability.compare import ComparedRun, Comparison
 from ..analysis.solution import ParameterResult
 from ..analysis.tight_priors import TightPrior
 from ..model import records
+from . import comparison
 from .findings import (
     accuracy_reason,
     hold_out_message,
@@ -64,6 +66,10 @@ def _reason(row: ParameterResult | CheckedParameter) -> str | None:
     return None if row.cause is None else reason(row.cause)
 
 
+def _failure(run: ComparedRun) -> str | None:
+    return None if run.reason is None else comparison.failure(run.reason)
+
+
 # By the class of a record: what is said of it under each of its worded keys.
 WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
     ParameterResult: {"reason": _reason},
@@ -76,6 +82,8 @@ WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
     HoldOut: {"message": hold_out_message},
     PredictedRun: {"message": predicted_run_message},
     Explanation: {"sentence": explanation_sentence},
+    Comparison: {"headline": comparison.headline, "notes": lambda runs: tuple(comparison.notes(runs))},
+    ComparedRun: {"failure": _failure},
     Check: {"headline": check_headline, "notes": check_notes},
     **{kind: {"sentence": criterion_sentence} for kind in _CRITERIA},
 }

@@ -18,7 +18,7 @@ from ..analysis.observability.check import (
 )
 from ..analysis.status import Status, Verdict
 from . import numbers
-from .observability import reason
+from .observability import reason, stating
 from .wording import Namer, be, counted, listed
 
 VERDICT_WORDS: dict[PlanVerdict, str] = {
@@ -60,6 +60,16 @@ def resting(rows: Sequence[_WithStatus], name: Namer = str) -> list[str]:
         f"{_are(names, name)} {'identified ' if by_header else ''}{why}."
         for (by_header, why), names in sorted(grouped.items())
     ]
+
+
+def assumed_steps(rows: Sequence[_WithStatus], name: Namer = str) -> list[str]:
+    """What to do to determine the offsets that are as good as what is assumed, a sentence for each reason."""
+    grouped: dict[str, list[str]] = {}
+    for row in rows:
+        cause = getattr(row, "cause", None)
+        if row.status == "assumed" and isinstance(cause, AsGoodAs):
+            grouped.setdefault(stating(cause.of), []).append(name(row.name))
+    return [f"To determine {listed(names)}: {what}" for what, names in grouped.items()]
 
 
 def verdict_sentence(

@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from ...model.arrays import Mask, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.files.run import UNKNOWNS
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
@@ -292,11 +292,15 @@ def choose(
     entered: Mapping[str, float],
     tolerance: Mapping[str, float],
     shots: int | None = None,
+    usable: Mask | None = None,
 ) -> VerificationPlan:
     """As few postures as give the test the power that a plan aims at, else those that give it most; or
-    `shots` of them. They are taken one after the other, each the one that raises the weakest offset most."""
+    `shots` of them. They are taken one after the other, each the one that raises the weakest offset most.
+    `usable` (N,): only these."""
     problem, calibration = solution.problem, Predictor.of(solution)
-    candidates = np.unique(np.linspace(0, problem.shots - 1, _MOST_CANDIDATES).round().astype(int)).tolist()
+    rows_of = np.arange(problem.shots) if usable is None else np.flatnonzero(usable)
+    spaced = np.linspace(0, len(rows_of) - 1, _MOST_CANDIDATES).round().astype(int)
+    candidates = rows_of[np.unique(spaced)].tolist()
     offsets_of_joints = problem.parameters.items[problem.parameters.block("offset")]
     applied = np.array([entered.get(item.name, 0.0) / item.display for item in offsets_of_joints])
 
@@ -312,7 +316,7 @@ def choose(
         powers = [row.power for row in planned(rows)[2]]
         return min(powers), sum(powers)
 
-    most = min(shots or MOST, problem.shots)
+    most = min(shots or MOST, len(rows_of))
     rows = list(_farthest(problem.joints[candidates], candidates, min(FEWEST, most)))
     tried = [list(rows)]
     while len(rows) < most:
@@ -325,20 +329,20 @@ def choose(
         tried.append(list(rows))
     if shots is None and score(rows)[0] < AIM:  # one more posture may also hide what a few show
         rows = max(tried, key=score)
-    rows = _placing(problem, rows)
+    rows = _placing(problem, rows, rows_of)
     joints, targets, offsets = planned(sorted(rows))
     return VerificationPlan(tuple(sorted(rows)), joints, targets, offsets)
 
 
-def _placing(problem: Problem, rows: list[int]) -> list[int]:
-    """The measurements, each target with more numbers than its place takes up: with further ones of the run,
-    or without those of a target of which there are no more."""
+def _placing(problem: Problem, rows: list[int], usable: Index) -> list[int]:
+    """The measurements, each target with more numbers than its place takes up: with further `usable` ones, or
+    without those of a target of which there are no more."""
     of_row = problem.target_index
     result = []
     for target in dict.fromkeys(of_row[rows]):
         chosen = [row for row in rows if of_row[row] == target]
         if not problem.is_station(problem.targets[target]):
-            further = [row for row in np.flatnonzero(of_row == target).tolist() if row not in chosen]
+            further = [row for row in usable[of_row[usable] == target].tolist() if row not in chosen]
             while problem.sizes[chosen].sum() <= UNKNOWNS and further:
                 chosen.append(further.pop(0))
             if problem.sizes[chosen].sum() <= UNKNOWNS:

@@ -11,44 +11,17 @@ import numpy as np
 import scipy
 
 from ...model.arrays import Matrix
-from ...model.errors import UnsoundResult
 from ...model.records import internal, it, record, worded
 from ..estimation.fit import LikelihoodFit, fit_likelihood
 from ..estimation.robust import Loss, fit_robust, outlying
+from ..row import ParameterRow
 from ..solution import ParameterResult, Solution
-from ..status import Status, require_no_more_than
 
 OUTLYING = 1e-3  # p-value, over all measurements together, of an outlying residual
 FEWEST_VALUES = 15  # from here on the level of `outlying_values` holds (Rosner 1983, table 3)
 _MOST_OUTLYING = 0.1  # of all values: more are no outliers but another population
 _SIGNIFICANT = 1e-3  # of a single outlier, after Bonferroni's correction
 _MEDIAN_WORTH = 0.48  # a scale from the median is as good as one from so large a share of the numbers
-
-
-@record
-class RobustParameter:
-    """One parameter of a robust fit; `std` and `interval95` are None without a sandwich covariance, all
-    three where the data do not determine the parameter (UnsoundResult otherwise)."""
-
-    name: Annotated[str, it("of the parameter")]
-    unit: Annotated[str, it("of its numbers")]
-    status: Annotated[Status, internal]
-    estimate: Annotated[float | None, it("null where it is unidentifiable")]
-    std: Annotated[
-        float | None,
-        it(
-            "by a sandwich covariance, from the residuals as they are; null where it is "
-            "unidentifiable, and with a measurement of leverage 1"
-        ),
-    ]
-    interval95: Annotated[tuple[float, float] | None, it("by the same covariance; null likewise")]
-
-    def __post_init__(self) -> None:
-        require_no_more_than(
-            self.name, self.status, estimate=self.estimate, std=self.std, interval95=self.interval95
-        )
-        if self.std is not None and self.estimate is None:
-            raise UnsoundResult(f"{self.name!r} has a std without an estimate")
 
 
 @record
@@ -78,7 +51,13 @@ class Robust:
             "`noise.scale: estimated`"
         ),
     ]
-    parameters: Annotated[tuple[RobustParameter, ...], it("by the robust fit")]
+    parameters: Annotated[
+        tuple[ParameterRow, ...],
+        it(
+            "by the robust fit; `std` and `interval95` by a sandwich covariance, from the residuals as they"
+            " are: null with a measurement of leverage 1"
+        ),
+    ]
     weights: Annotated[
         tuple[float, ...],
         it(
@@ -104,12 +83,12 @@ def robust_result(solution: Solution, loss: Loss) -> Robust:
     numbers = problem.data_size - int(parameters.free.sum())
     quantile = float(scipy.special.stdtrit(max(numbers, 1), 0.975))
 
-    def row(parameter: ParameterResult, i: int) -> RobustParameter:
+    def row(parameter: ParameterResult, i: int) -> ParameterRow:
         item, value, spread = parameters.items[i], float(robust.x[i]), float(std[i])
         determined = parameter.estimate is not None and robust.converged
         with_std = determined and bool(np.isfinite(spread)) and numbers > 0
         ends = (item.shown(value - quantile * spread), item.shown(value + quantile * spread))
-        return RobustParameter(
+        return ParameterRow(
             name=parameter.name,
             unit=parameter.unit,
             status=parameter.status,

@@ -116,7 +116,7 @@ class CommonMotion:
 
     `revolute` says of each of the joints 1 … `joint` whether it is; `ranges` (degrees; mm) are those of the
     joints before `joint`, and `little` says of each whether that is hardly anything. `hidden`: what is left
-    of a difference is below the noise.
+    of a difference is below the noise. `frame`: not a target moves along, but the frame of an instrument.
     """
 
     joint: int
@@ -124,6 +124,7 @@ class CommonMotion:
     ranges: tuple[float, ...]
     little: tuple[bool, ...]
     hidden: bool = False
+    frame: bool = False
 
 
 @dataclass(frozen=True)
@@ -245,6 +246,7 @@ class Tried:
     `amount` (`unit`: deg or mm) and aimed anew; "vary": these `postures`, all but those
     that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in turn, and aimed anew;
     "tolerances" that are an `amount` of times smaller. `measured`: the postures are those of measurements.
+    `aimed`: there is a beam to be aimed.
     """
 
     how: How
@@ -255,6 +257,7 @@ class Tried:
     postures: tuple[int, ...] = ()
     unchanged: tuple[int, ...] = ()
     measured: bool = False
+    aimed: bool = True
 
 
 @record
@@ -289,7 +292,8 @@ class NullDirection:
             "`amount` in `unit` (deg or mm) and aimed again, in its place or as one more; `vary`: "
             "these `postures`, all but those that stay `unchanged`, with `joint` rotated by −1/2, 1/2"
             " and 0 times the `amount` in turn, and aimed again; `tolerances`: an `amount` of times "
-            "smaller), whether these are postures of what was `measured`, and `predicted`, by "
+            "smaller), whether these are postures of what was `measured`, whether there is a beam to "
+            "be `aimed`, and `predicted`, by "
             "parameter: its `name`, `unit`, standard uncertainty `before` (null where it is not "
             "determined) and `after` the remedy, priors included, and the `tolerance` up to which it "
             "is identified"

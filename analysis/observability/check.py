@@ -24,11 +24,11 @@ from .causes import Cause, Tried, cause_for
 from .geometry import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import (
-    GUESSED,
     Advice,
     CurvePoint,
     OverTarget,
     curve,
+    mounted_spread,
     over_target,
     predicted_covariance,
     predicted_std,
@@ -39,8 +39,6 @@ from .remedies import Allowed, RemedySearch
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_KNOWN = 1.0  # mm, deg: where a reflector or a tip is to less is no matter of the plan
 
 # "violated": the plan breaks its own constraints, whatever it would determine.
 PlanVerdict = Verdict | Literal["violated"]
@@ -353,7 +351,7 @@ class Check:
         with one_blas_thread():
             shots = _shots(plan, aimed, violations)
             identified = identify(shots, x)
-            mounted = _mounted_spread(plan, problem)
+            mounted = mounted_spread(plan.header, problem)
             # Observable is what is so with everything as guessed; the u are those of where it may be.
             judged, at = typical(shots, x, mounted)
             covariance = predicted_covariance(judged, at)
@@ -442,7 +440,7 @@ def without_posture(
     rest = turned.aimed.problem.select(kept[kept != posture])
     with one_blas_thread():
         identified = identify(rest, turned.x)
-        spread = predicted_std(*typical(rest, turned.x, _mounted_spread(turned.plan, turned.problem)))
+        spread = predicted_std(*typical(rest, turned.x, mounted_spread(turned.plan.header, turned.problem)))
     items, std = rest.parameters.items, rest.parameters.unscaled(spread)
     offsets = rest.parameters.block("offset")
     judged = list(zip(items, identified.status, std, strict=True))[offsets]
@@ -487,21 +485,6 @@ def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
         target = plan.header.targets.get(name)
         if target is not None and "sigma_mm" in target.model_fields_set and target.guess_mm is not None:
             spread[problem.parameters.block("target", k)] = target.sigma_mm
-    return spread
-
-
-def _mounted_spread(plan: Plan, problem: Problem) -> Matrix:
-    """(p,) std of where on the flange that is which an instrument without a beam measures or touches with,
-    internal units: its prior's, at most `GUESSED`; 0 of what is known to a millimetre or a degree."""
-    spread = np.zeros(len(problem.parameters))
-    for i, item in enumerate(problem.parameters.items):
-        kind = plan.header.kinds.get(item.of.partition(".")[0])
-        if (
-            item.group == "tool"
-            and not (item.held or (kind is not None and kind.beam))
-            and item.prior_std * item.display > _KNOWN
-        ):
-            spread[i] = min(item.prior_std, GUESSED[item.unit])
     return spread
 
 

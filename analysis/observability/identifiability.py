@@ -118,7 +118,9 @@ def _tool_rotation(tool: Instrument, joint: int) -> ToolRotation:
 def _common_motion(problem: Problem, k: int) -> CommonMotion:
     """The motion of everything after joint k (1 … k do not change, or hardly)."""
     revolute, ranges, little = _before(problem, k)
-    return CommonMotion(k + 1, (*revolute, problem.robot.joints[k].kind == "revolute"), ranges, little)
+    turns = problem.robot.joints[k].kind == "revolute"
+    frame = all(map(problem.is_station, problem.targets))
+    return CommonMotion(k + 1, (*revolute, turns), ranges, little, frame=frame)
 
 
 def _before(problem: Problem, k: int) -> tuple[tuple[bool, ...], tuple[float, ...], tuple[bool, ...]]:

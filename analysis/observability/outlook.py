@@ -8,12 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.arrays import Matrix
+from ...model.files.header import Header
 from ...model.likelihood.problem import Problem, Whitened
 from .aim import aim, servo_joints
 from .causes import NullDirection
 
 _DRAWS, _MOUNTS, _TYPICAL = 16, 64, 256  # of targets; of mounts too, whose lever decides more; for their mean
 GUESSED = {"mm": 50.0, "deg": float(np.radians(30.0))}  # std of where something is that is only guessed
+
+_KNOWN = 1.0  # mm, deg: where a reflector or a tip is to less is no matter of the plan
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,21 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix, *, mounts: bool = F
     drawn = _drawn(problem, x, spread, _MOUNTS if mounts else _DRAWS)
     largest = dict(zip(drawn.names, drawn.stds.max(axis=0).tolist(), strict=True))
     return OverTarget(len(drawn.x), drawn.hit, largest, mounts)
+
+
+def mounted_spread(header: Header, problem: Problem) -> Matrix:
+    """(p,) std of where on the flange that is which an instrument without a beam measures or touches with,
+    internal units: its prior's, at most `GUESSED`; 0 of what is known to a millimetre or a degree."""
+    spread = np.zeros(len(problem.parameters))
+    for i, item in enumerate(problem.parameters.items):
+        kind = header.kinds.get(item.of.partition(".")[0])
+        if (
+            item.group == "tool"
+            and not (item.held or (kind is not None and kind.beam))
+            and item.prior_std * item.display > _KNOWN
+        ):
+            spread[i] = min(item.prior_std, GUESSED[item.unit])
+    return spread
 
 
 def typical(problem: Problem, x: Matrix, spread: Matrix) -> tuple[Problem, Matrix]:

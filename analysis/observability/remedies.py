@@ -198,6 +198,7 @@ class RemedySearch:
             postures=tuple(int(self.numbers[i]) for i in trial.postures),
             unchanged=unchanged,
             measured=self.measured,
+            aimed=self.problem.tool.beam,
         )
 
     def _unit_of(self, joint: int) -> str:

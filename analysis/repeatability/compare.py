@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import field, replace
 from itertools import compress
 from pathlib import Path
-from typing import Literal, Self, TypeVar
+from typing import Annotated, Final, Literal, Self, TypeVar
 
 import numpy as np
 
 from ...model.arrays import Matrix, Progress
 from ...model.errors import UnsoundResult
 from ...model.files.run import Run
+from ...model.records import inline, internal, it, key, record, worded
 from ..holm import holm
 from ..status import versions
 from .consistency import (
+    LEVEL,
     AgainstOthers,
     Consistency,
     Mean,
@@ -37,10 +39,11 @@ Agreement = Literal["agrees", "does not agree", "not tested", "misfit"]
 Adjustable = Consistency | RunDrift | AgainstOthers
 Row = TypeVar("Row", Consistency, RunDrift, AgainstOthers)
 
+COMPARE_SCHEMA: Final = "zerobeam/compare/1"
 FALSE_ALARM = 0.01  # of a false alarm over all questions together
 
 
-@dataclass(frozen=True)
+@record
 class ComparedOffset:
     """One offset over the `runs` that determine it; without two of them the rest is None.
 
@@ -51,16 +54,28 @@ class ComparedOffset:
 
     name: str
     unit: str
-    runs: int
-    unvalidated: bool
-    mean: Mean | None
-    scatter: Scatter | None
-    predicted_std: float | None
-    test: Consistency | None
-    drift: RunDrift | None
+    runs: Annotated[int, it("in how many runs it is identifiable; 0: it is not compared, all else is null")]
+    unvalidated: Annotated[bool, it("the model does not describe a run that its numbers are from")]
+    mean: Annotated[Mean | None, inline(value="mean", interval95="mean_interval95", by="mean_by")]
+    scatter: Annotated[Scatter | None, inline(std="std", interval95="std_interval95")]
+    predicted_std: Annotated[float | None, it("root mean square of the predicted ones")]
+    test: Annotated[
+        Consistency | None,
+        inline(
+            ratio="ratio",
+            ratio_interval95="ratio_interval95",
+            chi2="chi2",
+            dof="dof",
+            p_value="p_value",
+            p_holm="p_holm",
+        ),
+    ]
+    drift: Annotated[
+        RunDrift | None, it("`slope` (unit per `at_unit`), `interval95`, `dof`, `p_value`, `p_holm`")
+    ]
 
 
-@dataclass(frozen=True)
+@record
 class OffsetOfRun:
     """One offset of one run without any prior, `std` as predicted; raises UnsoundResult for a number of what
     the run does not determine."""
@@ -77,30 +92,52 @@ class OffsetOfRun:
             raise UnsoundResult(f"{self.name!r} of a run is {self.status}, but has numbers")
 
 
-@dataclass(frozen=True)
+@record
 class ComparedRun:
-    """One run: `at` is hours from the first or its number, `odd` the test against the others. `failure` is
+    """One run: `at` is hours from the first or its number, `odd` the test against the others. `reason` is
     why its fit did not converge: then it has no numbers. `misfit`: the model does not describe it."""
 
-    name: str
+    name: Annotated[str, it("of the file; of a table the name of the row")]
     sha256: str | None
     robot: str | None
     shots: int | None
     when: str | None
-    at: float
-    failure: str | None
-    misfit: bool
-    odd: AgainstOthers | None
-    offsets: tuple[OffsetOfRun, ...]
-    findings: tuple[RunFinding, ...]
+    at: Annotated[float, it("hours from the first run, or its number")]
+    reason: Annotated[str | None, internal]
+    misfit: Annotated[bool, it("whether the model does not describe it")]
+    odd: Annotated[
+        AgainstOthers | None,
+        it("this run against the others: `chi2`, `dof` (null without covariances), `p_value`, `p_holm`"),
+    ]
+    offsets: Annotated[
+        tuple[OffsetOfRun, ...],
+        it(
+            "`name`, `unit`, `estimate` and `std` without prior, `status`: that of the result, or `prior`"
+            " (of a result: a prior has a part, so it is not compared), `stated` or `not stated` (of a table)"
+        ),
+    ]
+    findings: Annotated[tuple[RunFinding, ...], internal]
+    failure: Annotated[str | None, worded("why it has no numbers, or null")] = None
 
     @property
     def undetermined(self) -> list[str]:
         """Names of the free offsets that the run does not determine."""
-        return [row.name for row in self.offsets if row.status == "unidentifiable" and self.failure is None]
+        return [row.name for row in self.offsets if row.status == "unidentifiable" and self.reason is None]
 
 
-@dataclass(frozen=True)
+@record
+class ComparisonSettings:
+    """How runs were compared."""
+
+    seed: int
+    level: Annotated[float, it("of intervals")]
+    chance: Annotated[float, it("probability of a false alarm in all tests")]
+    asked: Annotated[tuple[Question, ...], it("which tests were possible")]
+    order: Literal["time", "given"]
+    at_unit: Annotated[Literal["h", "run"], it("hours from the first run, or its number")]
+
+
+@record
 class Comparison:
     """The answer to `zerobeam compare`, in units that people read.
 
@@ -111,34 +148,61 @@ class Comparison:
     Raises UnsoundResult where such runs are said to agree.
     """
 
-    kind: Kind
-    verdict: Agreement
-    odd_run: str | None
-    differing: tuple[str, ...]
-    drifting: tuple[str, ...]
-    consistency: Consistency | None
-    offsets: tuple[ComparedOffset, ...]
-    runs: tuple[ComparedRun, ...]
-    held: tuple[str, ...]
-    noise_estimated: bool
-    asked: tuple[Question, ...]
-    by_time: bool
-    seed: int
-    versions: dict[str, str]
+    schema: Annotated[Literal["zerobeam/compare/1"], it("kind and version of the document")] = field(
+        default=COMPARE_SCHEMA, kw_only=True
+    )
+    kind: Annotated[Kind, it("what was compared")]
+    verdict: Annotated[Agreement, it("`misfit`: the model does not describe one of the runs, or more")]
+    headline: Annotated[str | None, worded("the answer in a sentence")] = field(default=None, kw_only=True)
+    odd_run: Annotated[str | None, it("name of the outlying run")]
+    differing: Annotated[tuple[str, ...], it("names of the offsets that scatter more than predicted")]
+    drifting: Annotated[tuple[str, ...], it("names of the offsets that drift")]
+    consistency: Annotated[
+        Consistency | None,
+        it(
+            "all offsets together: `chi2`, `dof`, `noise_dof` (degrees of freedom of an estimated noise; null"
+            " if known), `p_value`, `p_holm` (the same: there is one), `ratio` (observed over predicted"
+            " scatter, as stds) with `ratio_interval95`; null without covariances"
+        ),
+    ]
+    offsets: Annotated[tuple[ComparedOffset, ...], it("each over the runs")]
+    runs: Annotated[tuple[ComparedRun, ...], it("in the order used")]
+    held: Annotated[tuple[str, ...], it("offsets that all runs hold")]
+    noise_estimated: Annotated[bool, internal]
+    asked: Annotated[tuple[Question, ...], internal]
+    by_time: Annotated[bool, internal]
+    seed: Annotated[int, internal]
+    versions: Annotated[dict[str, str], it("of Python and the libraries")]
+    notes: Annotated[tuple[str, ...] | None, worded("in sentences")] = field(default=None, kw_only=True)
+
+    @property
+    @key("how runs were compared")
+    def settings(self) -> ComparisonSettings:
+        """How they were compared."""
+        return ComparisonSettings(
+            self.seed,
+            LEVEL,
+            FALSE_ALARM,
+            self.asked,
+            order="time" if self.by_time else "given",
+            at_unit="h" if self.by_time else "run",
+        )
 
     def __post_init__(self) -> None:
         if self.misfits and self.verdict not in ("misfit", "does not agree"):
             raise UnsoundResult(f"{', '.join(self.misfits)}: a misfit, but the verdict is {self.verdict}")
 
     @property
+    @key("names of the runs that the model does not describe", name="misfit")
     def misfits(self) -> list[str]:
         """Names of the runs that the model does not describe."""
         return [run.name for run in self.runs if run.misfit]
 
     @property
+    @key("runs whose fit did not converge, which have no numbers")
     def failed(self) -> list[str]:
         """Names of the runs whose fit did not converge."""
-        return [run.name for run in self.runs if run.failure is not None]
+        return [run.name for run in self.runs if run.reason is not None]
 
     @property
     def used(self) -> int:
@@ -296,7 +360,7 @@ def _run(repeat: Repeat, at: float, factor: float, against: AgainstOthers | None
         shots=repeat.shots,
         when=repeat.when,
         at=at,
-        failure=repeat.failure,
+        reason=repeat.failure,
         misfit=repeat.misfit and repeat.failure is None,
         odd=against,
         offsets=tuple(

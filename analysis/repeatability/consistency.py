@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from scipy import stats
 
 from ...model.arrays import NORMAL_95, Mask, Matrix
+from ...model.records import it, record
 
 Interval = tuple[float, float]
 
@@ -30,7 +31,7 @@ def of_a_std(dof: int) -> Interval:
     return float(low), float(high)
 
 
-@dataclass(frozen=True)
+@record
 class Consistency:
     """Observed against predicted scatter: the sum of squares `chi2` in what is predicted, `ratio` of the stds
     and its 95 % interval. `noise_dof` are the degrees of freedom of an estimated noise, None if it is known.
@@ -38,33 +39,33 @@ class Consistency:
     Here and below `p_holm` is the p-value adjusted for the number of questions of one kind (Holm).
     """
 
-    chi2: float
-    dof: int
-    noise_dof: int | None
-    p_value: float
-    p_holm: float
-    ratio: float
-    ratio_interval95: Interval
+    chi2: Annotated[float, it("of the test")]
+    dof: Annotated[int, it("degrees of freedom")]
+    noise_dof: Annotated[int | None, it("degrees of freedom of an estimated noise; null if known")]
+    p_value: Annotated[float, it("of the test")]
+    p_holm: Annotated[float, it("adjusted for the number of offsets")]
+    ratio: Annotated[float, it("observed over predicted scatter")]
+    ratio_interval95: Annotated[Interval, it("of the ratio")]
 
 
-@dataclass(frozen=True)
+@record
 class Scatter:
     """The std of a run by the scatter of the runs, with the 95 % interval of the true one."""
 
-    std: float
-    interval95: Interval
+    std: Annotated[float, it("of a run, by the scatter")]
+    interval95: Annotated[Interval, it("of the true std (χ²)")]
 
 
-@dataclass(frozen=True)
+@record
 class Mean:
     """The mean over the runs; its 95 % interval is `by` the prediction or by the scatter."""
 
-    value: float
-    interval95: Interval
-    by: Literal["prediction", "scatter"]
+    value: Annotated[float, it("over the runs")]
+    interval95: Annotated[Interval, it("95 % interval of the mean")]
+    by: Annotated[Literal["prediction", "scatter"], it("the source of the mean's interval")]
 
 
-@dataclass(frozen=True)
+@record
 class RunDrift:
     """The slope over the runs (a unit of `at`) with its 95 % interval, and the p-value of one as large."""
 
@@ -75,7 +76,7 @@ class RunDrift:
     p_holm: float
 
 
-@dataclass(frozen=True)
+@record
 class AgainstOthers:
     """One run against all others; `chi2` and `dof` are None without covariances."""
 

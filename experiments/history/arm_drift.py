@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
-from typing import Generic, TypeVar
+from functools import partial
+from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 
@@ -13,24 +14,25 @@ from ...analysis.drift.drift import Drift, Jump, Undecided, drift
 from ...analysis.drift.forecast import HORIZON_YEARS, due_after
 from ...analysis.drift.instruments import change_at
 from ...analysis.drift.smoother import Observation, series_of
-from .content import Event, StoredResult
+from ...model.records import if_any, inline, internal, it, key, or_null, record
+from .content import Event, Moment, StoredResult
 
 YEAR = timedelta(days=365.25)
 NOT_SOON = f"not within {HORIZON_YEARS:g} years"
 
 
-@dataclass(frozen=True)
+@record
 class LeftOut:
     """A result that does not count, and why."""
 
-    result: StoredResult
+    result: Annotated[StoredResult, inline(sha256="sha256")]
     reason: str
 
 
 Change = TypeVar("Change", Jump, Undecided)
 
 
-@dataclass(frozen=True)
+@record
 class DatedChange(Generic[Change]):
     """A jump between two results, or a change that may be drift, and the events that were logged in between.
 
@@ -38,14 +40,86 @@ class DatedChange(Generic[Change]):
     differ: a bias looks like a jump.
     """
 
-    change: Change
-    after: datetime
-    before: datetime
-    events: tuple[Event, ...]
-    instruments: tuple[str, str] | None
+    change: Annotated[Change, internal]
+    after: Annotated[Moment, it("time of the result before the change")]
+    before: Annotated[Moment, it("time of the result after the change")]
+    events: Annotated[tuple[Event, ...], it("logged in between")]
+    changed: Annotated[tuple[str, str] | None, internal]
+
+    @property
+    @key("its name")
+    def offset(self) -> str:
+        return self.change.offset
+
+    @property
+    @key("of the size")
+    def unit(self) -> str:
+        return self.change.unit
+
+    @property
+    @key("of the change")
+    def size(self) -> float:
+        return self.change.size
+
+    @property
+    @key("95 % interval of the size")
+    def interval95(self) -> tuple[float, float]:
+        return self.change.interval95
+
+    @property
+    @key("of a jump, adjusted")
+    def p_value(self) -> Annotated[float | None, if_any]:
+        return self.change.p_value if isinstance(self.change, Jump) else None
+
+    @property
+    @key("of what may be drift: the size from which such a change would be a jump")
+    def least_jump(self) -> Annotated[float | None, if_any]:
+        return self.change.least_jump if isinstance(self.change, Undecided) else None
+
+    @property
+    @key("before and after, null where not stated; null where it did not change")
+    def instruments(self) -> tuple[str | None, str | None] | None:
+        return None if self.changed is None else (self.changed[0] or None, self.changed[1] or None)
 
 
-@dataclass(frozen=True, eq=False)
+@record
+class Rate:
+    """How fast an offset walks, per root year."""
+
+    median: Annotated[float, it("of the posterior")]
+    interval95: Annotated[tuple[float, float], it("95 % interval")]
+
+
+@record
+class DriftingOffset:
+    """An offset at the last result, by all results."""
+
+    name: str
+    unit: str
+    estimate: Annotated[
+        float | None,
+        it("null where no result determines it since the last `mastering`, as the two below"),
+    ]
+    std: Annotated[float | None, it("standard uncertainty")]
+    interval95: Annotated[tuple[float, float] | None, it("95 % interval")]
+    rate: Annotated[Rate | None, it("drift rate per root year; null where the results do not determine it")]
+
+
+@record
+class Due:
+    """When the next calibration is due."""
+
+    tolerance_mm: Annotated[float, it("of the TCP error, millimetres")]
+    when: Annotated[datetime | None, internal]
+    reason: Annotated[str, it("null where there is nothing to say"), or_null]
+
+    @property
+    @key("null where there is none")
+    def date(self) -> str | None:
+        return None if self.when is None else f"{self.when:%Y-%m-%d}"
+
+
+@record(eq=False)
 class ArmDrift:
     """What an arm's results say of its drift. `drift` is None with fewer than two results that count.
 
@@ -53,16 +127,42 @@ class ArmDrift:
     nothing is to be said.
     """
 
-    serial: str
-    model: str
-    used: tuple[StoredResult, ...]
-    left_out: tuple[LeftOut, ...]
-    drift: Drift | None
-    jumps: tuple[DatedChange[Jump], ...]
-    undecided: tuple[DatedChange[Undecided], ...]
-    tolerance_mm: float
-    due: datetime | None
-    due_reason: str
+    serial: Annotated[str, it("of the arm")]
+    model: Annotated[str, it("name of the robot")]
+    used: Annotated[tuple[StoredResult, ...], internal]
+    left_out: Annotated[tuple[LeftOut, ...], it("runs that do not count: `sha256` and `reason`")]
+    drift: Annotated[Drift | None, internal]
+    jumps: Annotated[tuple[DatedChange[Jump], ...], it("significant changes from one result to the next")]
+    undecided: Annotated[
+        tuple[DatedChange[Undecided], ...],
+        it("changes that may be a jump or drift: the same keys, `least_jump` instead of `p_value`"),
+    ]
+    tolerance_mm: Annotated[float, internal]
+    due: Annotated[datetime | None, internal]
+    due_reason: Annotated[str, internal]
+
+    @property
+    @key("SHA-256 of the runs that count", name="used")
+    def sums(self) -> tuple[str, ...]:
+        return tuple(result.sha256 for result in self.used)
+
+    @property
+    @key("at the last result; empty with fewer than two results")
+    def offsets(self) -> tuple[DriftingOffset, ...]:
+        return () if self.drift is None else tuple(map(partial(_now, self.drift), self.drift.series.names))
+
+    @property
+    @key(
+        "effective number of rates that the integrals are of; below 30 they are coarse; null with "
+        "fewer than two results"
+    )
+    def effective_rates(self) -> float | None:
+        return None if self.drift is None else self.drift.effective
+
+    @property
+    @key("the next calibration", name="due")
+    def next_due(self) -> Due:
+        return Due(self.tolerance_mm, self.due, self.due_reason)
 
     def at_last(self) -> ArmDrift:
         """The same without the states before the last result (`Drift.at_last`), for many arms."""
@@ -106,6 +206,21 @@ def arm_drift(
     if used and (since := _since(events, used[-1].measured_at)):
         due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
     return ArmDrift(*arm, tuple(used), tuple(left_out), model, jumps, undecided, tolerance_mm, due, reason)
+
+
+def _now(drift: Drift, name: str) -> DriftingOffset:
+    """An offset at the last result."""
+    i = drift.series.names.index(name)
+    along, known = np.eye(len(drift.series.names))[i], bool(drift.series.determined[-1, i])
+    value, std = drift.value(-1, along) if known else (None, None)
+    return DriftingOffset(
+        name,
+        drift.series.units[i],
+        value,
+        std,
+        drift.interval(-1, along) if known else None,
+        Rate(*drift.rate(name)) if drift.determines_rate(name) else None,
+    )
 
 
 def _why_not(result: StoredResult) -> str | None:

@@ -9,44 +9,26 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from datetime import datetime
-from typing import Any, Literal, cast, get_args
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
+from pydantic import AfterValidator
 
-from ...analysis.status import Status, Verdict, has_numbers
+from ...analysis.answer.message import Grade, May
+from ...analysis.covariance import OffsetsWithoutPrior
+from ...analysis.row import ParameterRow
+from ...analysis.status import Verdict, has_numbers
 from ...model.arrays import Matrix
+from ...model.records import if_any, internal, it, or_null, read, record
 
+Moment = Annotated[
+    datetime,
+    AfterValidator(lambda when: when.astimezone(UTC).replace(tzinfo=None) if when.tzinfo else when),
+]
 What = Literal["collision", "motor", "mastering", "other"]
 DAMAGED = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError)
-
-
-@dataclass(frozen=True)
-class StoredOffset:
-    """An offset of a result, as the row of it in result.json: no number where the data determine none."""
-
-    name: str
-    unit: str
-    status: Status
-    held: bool
-    estimate: float | None
-    std: float | None
-    interval95: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
-class StoredCovariance:
-    """`without_prior` of a result.json: the m offsets that the measurements alone determine, `covariance`
-    (m, m) by the noise, `by_geometry` (m, g) by each of the g freed parameters of the geometry."""
-
-    names: list[str]
-    units: list[str]
-    values: list[float]
-    covariance: list[list[float]]
-    geometry: list[str]
-    by_geometry: list[list[float]]
-    dof: int | float | None
 
 
 @dataclass(frozen=True)
@@ -63,35 +45,47 @@ class Arm:
     sha256: str | None = None  # of the run of the last result
 
 
-@dataclass(frozen=True)
+@record
 class StoredResult:
-    """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of its result.json."""
+    """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of its result.json.
+    `grade` and `may` are what it is worth, where that was read."""
 
-    sha256: str
-    serial: str
-    model: str
-    measured_at: datetime
-    instrument: str
-    operator: str
-    run: str
-    shots: int
-    verdict: Verdict
-    made_by: str
-    document_sha256: str
-    offsets: list[StoredOffset]
-    without_prior: StoredCovariance | None
-    sensitivity_mm2: list[list[float]] | None
+    sha256: Annotated[str, it("SHA-256 of the run")]
+    serial: Annotated[str, it("serial number of the arm")]
+    model: Annotated[str, it("name of the robot")]
+    measured_at: Annotated[Moment, it("when the run was measured, UTC")]
+    instrument: Annotated[str, it("null where the run does not state it"), or_null]
+    operator: Annotated[str, it("null where the run does not state it"), or_null]
+    run: Annotated[str, it("name of the run file")]
+    shots: Annotated[int, it("number of measurements")]
+    verdict: Annotated[Verdict, it("of the result")]
+    made_by: Annotated[str, it("the version that made the result", name="zerobeam")]
+    document_sha256: Annotated[str, it("SHA-256 of the whole result.json")]
+    offsets: Annotated[tuple[ParameterRow, ...], it("rows as in the result; null what is not determined")]
+    without_prior: Annotated[OffsetsWithoutPrior | None, it("as in the result")]
+    sensitivity_mm2: Annotated[list[list[float]] | None, internal]
+    grade: Annotated[
+        Grade | None,
+        it(
+            "how the result is coloured (`message.grade`): a pass that nothing is to be entered by is"
+            " `weak`, one of a simulated run `held`"
+        ),
+        if_any,
+    ] = field(default=None, kw_only=True)
+    may: Annotated[May | None, it("`message.may` of the result: `enter`, `certify`, `export`"), if_any] = (
+        field(default=None, kw_only=True)
+    )
 
 
-@dataclass(frozen=True)
+@record
 class Event:
     """What happened to an arm: `at` is UTC without a zone."""
 
-    serial: str
-    model: str
-    at: datetime
-    what: What
-    note: str
+    serial: Annotated[str, it("serial number of the arm")]
+    model: Annotated[str, it("name of the robot")]
+    at: Annotated[Moment, it("when, UTC")]
+    what: Annotated[What, it("what happened")]
+    note: Annotated[str, it("null where there is none"), or_null]
 
 
 def parsed(text: str) -> Any:
@@ -130,42 +124,22 @@ def checked_moment(value: object) -> datetime:
     return when
 
 
-def checked_offset(row: Mapping[str, Any]) -> StoredOffset:
-    """The row of an offset."""
-    interval = row["interval95"]
-    if interval is not None and len(interval) != 2:
-        raise ValueError(f"the interval of {row['name']} has not two ends")
-    offset = StoredOffset(
-        name=checked_text(row["name"]),
-        unit=checked_text(row["unit"]),
-        status=row["status"],
-        held=row["held"],
-        estimate=row["estimate"],
-        std=row["std"],
-        interval95=None if interval is None else (interval[0], interval[1]),
-    )
-    name, status = offset.name, offset.status
-    if status not in get_args(Status) or not isinstance(offset.held, bool):
-        raise ValueError(f"status {status!r} of {name}")
-    if status == "unidentifiable" and (offset.estimate, offset.std) != (None, None):
-        raise ValueError(f"{name} is unidentifiable, yet it has a number")
-    if has_numbers(status) and not 0 < _number(offset.std) < math.inf:
-        raise ValueError(f"the std of {name} is not a number above 0")
-    if has_numbers(status) and (offset.estimate is None or interval is None):
-        raise ValueError(f"{name} is {status}, yet it lacks a number")
-    numbers = [number for number in (offset.estimate, *(interval or ())) if number is not None]
-    if not all(math.isfinite(_number(number)) for number in numbers):
-        raise ValueError(f"a number of {name} is not finite")
+def checked_offset(row: object) -> ParameterRow:
+    """The row of an offset: what a result may say of it, and no more."""
+    offset = read(ParameterRow, row)
+    checked_text(offset.name), checked_text(offset.unit)
+    if has_numbers(offset.status) and None in (offset.estimate, offset.std, offset.interval95):
+        raise ValueError(f"{offset.name} is {offset.status}, yet it lacks a number")
     return offset
 
 
 def checked_without_prior(
-    content: Mapping[str, Any] | None, offsets: Sequence[StoredOffset]
-) -> StoredCovariance | None:
+    content: Mapping[str, Any] | None, offsets: Sequence[ParameterRow]
+) -> OffsetsWithoutPrior | None:
     """The same, if its shapes are right and all of it is determined."""
     if content is None:
         return None
-    free = StoredCovariance(**{field.name: content[field.name] for field in fields(StoredCovariance)})
+    free = read(OffsetsWithoutPrior, content)
     size, shared = len(free.names), len(free.geometry)
     allowed = {offset.name for offset in offsets if has_numbers(offset.status)}
     sizes = {size, len(free.values), len(free.units), len(set(free.names))}
@@ -181,7 +155,7 @@ def checked_without_prior(
     return free
 
 
-def checked_sensitivity(matrix: Any, offsets: Sequence[StoredOffset]) -> list[list[float]] | None:
+def checked_sensitivity(matrix: Any, offsets: Sequence[ParameterRow]) -> list[list[float]] | None:
     """The same, if it is a number for each two of the offsets."""
     if matrix is not None:
         _numbers(matrix, (len(offsets), len(offsets)), "accuracy.sensitivity_mm2")

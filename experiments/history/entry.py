@@ -142,7 +142,7 @@ def _entry(result: Result, text: str, origin: _Origin) -> Entry:
     inputs = result.inputs
     if not re.fullmatch("[0-9a-f]{64}", inputs.sha256):
         raise ValueError("inputs.sha256 is no SHA-256")
-    offsets = [checked_offset(to_json(row)) for row in result.offsets]
+    offsets = tuple(checked_offset(to_json(row)) for row in result.offsets)
     without_prior = None if result.without_prior is None else to_json(result.without_prior)
     if result.accuracy is None:
         raise ValueError("accuracy: Field required")

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -17,8 +16,9 @@ from ...analysis.drift.drift import ALARM, SPREAD, Drift, Jump
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
 from ...analysis.drift.instruments import Bias, ComparableInstruments, MeasuredArm, instrument_biases
 from ...model.arrays import Matrix
+from ...model.records import inline, it, record
 from ..processes import side_by_side
-from .arm_drift import ArmDrift, DatedChange, arm_drift
+from .arm_drift import ArmDrift, DatedChange, Rate, arm_drift
 from .content import Event, StoredResult
 
 # Of one arm, as `arm_drift` takes them.
@@ -27,10 +27,8 @@ ArmJob = tuple[tuple[str, str], Sequence[StoredResult], Sequence[Event]]
 _MANY = 100  # arms: with fewer, processes take longer to start than they save
 FEW = 30  # rates of an arm that agree with its model: below, its numbers are coarse
 
-Rate = tuple[float, tuple[float, float]]  # median and 95 % interval
 
-
-@dataclass(frozen=True)
+@record
 class ModelWalk:
     """How fast an offset of a model walks: the `median` of its arms and their scatter `between` (standard
     deviation of the natural logarithm); None where no arm determines it.
@@ -44,60 +42,77 @@ class ModelWalk:
     model: str
     offset: str
     unit: str
-    arms: int
-    median: Rate | None
-    between: Rate | None
-    noticed: float
-    probability: float | None
-    drifts: bool
-    biased: tuple[str, ...]
+    arms: Annotated[int, it("how many determine the drift rate")]
+    median: Annotated[Rate | None, it("of the median arm; null where not determined", name="rate")]
+    between: Annotated[
+        Rate | None, it("standard deviation of the natural logarithm between arms; null where not determined")
+    ]
+    noticed: Annotated[float, it("median standard uncertainty of a result")]
+    probability: Annotated[
+        float | None, it("that the median arm drifts farther in a year; null where not determined")
+    ]
+    drifts: Annotated[bool, it("whether it does, by that probability")]
+    biased: Annotated[
+        tuple[str, ...], it("instruments that may be biased in this offset and measured arms of the model")
+    ]
 
 
-@dataclass(frozen=True)
+@record
 class ArmWalk:
     """The rate of an offset of an arm by its own results `alone`, and by those of its model too (`shrunken`;
     None where no arm of the model determines it). `borrowed`: its own results say next to nothing of it."""
 
-    offset: str
+    offset: Annotated[str, it("its name", name="name")]
     unit: str
-    alone: Rate
-    shrunken: Rate | None
-    borrowed: bool
+    alone: Annotated[Rate, it("by the arm's own results")]
+    shrunken: Annotated[Rate | None, it("with those of its model; null where not determined", name="rate")]
+    borrowed: Annotated[bool, it("more is known by the other arms")]
 
 
-@dataclass(frozen=True)
+@record
 class ArmWalks:
     """The walks of an arm; `effective` is how many rates agree with its model's (coarse below `FEW`)."""
 
     serial: str
     model: str
-    walks: tuple[ArmWalk, ...]
-    effective: float
+    walks: Annotated[tuple[ArmWalk, ...], it("each offset", name="offsets")]
+    effective: Annotated[
+        float, it("effective number of rates that agree with the model", name="effective_rates")
+    ]
 
 
-@dataclass(frozen=True)
+@record
 class InstrumentJump:
     """A jump of an arm at a change of instrument, and which of the two may be biased."""
 
     serial: str
     model: str
-    jump: DatedChange[Jump]
-    biased: tuple[str, ...]
+    jump: Annotated[DatedChange[Jump], inline(offset="offset", after="after", before="before")]
+    biased: Annotated[tuple[str, ...], it("that may be biased", name="instruments")]
 
 
-@dataclass(frozen=True)
+@record
 class FleetDrift:
     """What all arms say together; `alarm` is the stated probability of a false alarm, of the models' walks
     and of the instruments' biases each. `too_few` counts arms with fewer than two results that count."""
 
-    models: tuple[ModelWalk, ...]
-    arms: tuple[ArmWalks, ...]
-    biases: tuple[Bias, ...]
-    comparable: tuple[ComparableInstruments, ...]
-    unstated: int
-    suspects: tuple[InstrumentJump, ...]
-    too_few: int
-    alarm: float
+    models: Annotated[tuple[ModelWalk, ...], it("each offset of each model")]
+    arms: Annotated[tuple[ArmWalks, ...], it("each arm with its model")]
+    biases: Annotated[
+        tuple[Bias, ...],
+        it(
+            "of instruments: `offset`, `unit`, `instrument`, `against` (the mean of these), "
+            "`estimate`, `std`, `interval95`, `p_value` (adjusted), `alarm`"
+        ),
+    ]
+    comparable: Annotated[
+        tuple[ComparableInstruments, ...],
+        it("a list of `offset` and `groups` of instruments: nothing is determined between two groups"),
+    ]
+    unstated: Annotated[int, it("results that state no instrument")]
+    suspects: Annotated[tuple[InstrumentJump, ...], it("jumps at a change of instrument, one biased")]
+    too_few: Annotated[int, it("arms with fewer than two results that count")]
+    alarm: Annotated[float, it("stated probability of any false alarm, of `models` and of `biases` each")]
 
 
 def drift_of_each(
@@ -201,8 +216,8 @@ def _model_walks(
             offset=offset,
             unit=units[offset],
             arms=sum(offset in arm.series.names and arm.determines_rate(offset) for _, arm in members),
-            median=rates.median(offset) if known else None,
-            between=rates.between(offset) if known else None,
+            median=Rate(*rates.median(offset)) if known else None,
+            between=Rate(*rates.between(offset)) if known else None,
             noticed=noticed,
             probability=probability,
             drifts=probability is not None and probability >= enough,
@@ -214,11 +229,11 @@ def _arm_walks(arm: ArmDrift, drift: Drift, shrunken: ArmRates, known: Sequence[
     def arm_walk(offset: str, unit: str) -> ArmWalk:
         at = drift.series.names.index(offset)
         if offset not in known:
-            return ArmWalk(offset, unit, drift.rate(offset), None, False)
+            return ArmWalk(offset, unit, Rate(*drift.rate(offset)), None, False)
         alone = 1 / _log_variance(drift.rates[:, at], drift.weights)
         both = 1 / _log_variance(shrunken.rates[:, at], shrunken.weights)
         borrowed = both - alone > alone - 1 / SPREAD**2
-        return ArmWalk(offset, unit, drift.rate(offset), shrunken.rate(offset), borrowed)
+        return ArmWalk(offset, unit, Rate(*drift.rate(offset)), Rate(*shrunken.rate(offset)), borrowed)
 
     walks = tuple(map(arm_walk, drift.series.names, drift.series.units))
     return ArmWalks(arm.serial, arm.model, walks, shrunken.effective)
@@ -242,7 +257,7 @@ def _suspects(arms: Sequence[ArmDrift], biased_offsets: set[tuple[str, str]]) ->
     for arm in arms:
         for jump in arm.jumps:
             biased = tuple(
-                name for name in jump.instruments or () if (name, jump.change.offset) in biased_offsets
+                name for name in jump.changed or () if (name, jump.change.offset) in biased_offsets
             )
             if biased:
                 yield InstrumentJump(arm.serial, arm.model, jump, biased)

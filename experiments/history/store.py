@@ -16,6 +16,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from ...analysis.answer.result import parse_result
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
+from ...model.records import to_json
 from ...words.judgement import Judgement, read_judgement
 from .content import (
     DAMAGED,
@@ -79,8 +80,8 @@ def _row(entry: Entry) -> Values:
     return {
         **{name: getattr(entry, name) for name in _ROW},
         "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
-        "offsets": json.dumps(entry.offsets, default=vars),
-        "without_prior": entry.without_prior and json.dumps(vars(entry.without_prior)),
+        "offsets": json.dumps(to_json(entry.offsets)),
+        "without_prior": entry.without_prior and json.dumps(to_json(entry.without_prior)),
         "sensitivity_mm2": entry.sensitivity_mm2 and json.dumps(entry.sensitivity_mm2),
     }
 
@@ -354,11 +355,11 @@ def results(
 
 def _stored(row: Mapping[str, Any]) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    offsets = [checked_offset(row_of_offset) for row_of_offset in parsed(row["offsets"])]
+    offsets = tuple(map(checked_offset, parsed(row["offsets"])))
     alone, sensitivity = (
         None if row[name] is None else parsed(row[name]) for name in ("without_prior", "sensitivity_mm2")
     )
-    texts = {
+    texts: dict[str, Any] = {
         name: checked_text(row[name]) for name in _ROW if name not in ("measured_at", "shots", "verdict")
     }
     return StoredResult(

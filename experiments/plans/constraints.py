@@ -15,7 +15,7 @@ from ...analysis.observability.check import Check, Condition, Violation
 from ...analysis.observability.remedies import Allowed
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, located
-from ...model.files.header import StatedTarget
+from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import Plan
 from ...model.files.plan_file import StatedConstraints
 from ...model.instruments.kind import Target
@@ -234,6 +234,16 @@ def violations(turned: AimedPlan) -> tuple[Violation, ...]:
     """
     with one_blas_thread(), located(turned.plan.path):
         return tuple(sorted(_broken(turned), key=lambda each: each.posture))
+
+
+def clear_postures(problem: Problem, x: Matrix, header: Header) -> Mask:
+    """(N,) of measured postures by one instrument, which of them no link of the arm blocks, at x (p,); of
+    several instruments all, which `check` judges in a plan."""
+    if len(header.labels) > 1:
+        return np.ones(problem.shots, dtype=bool)
+    view = View.of(StatedConstraints())
+    conditions = Conditions(problem, x, view, Clearance(problem, None), header.targets)
+    return ~conditions.in_the_way(np.arange(problem.shots)).blocked
 
 
 def touched_boxes(turned: AimedPlan) -> list[bool]:

@@ -12,6 +12,7 @@ from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify, rank
+from ...analysis.observability.outlook import mounted_spread, predicted_std, typical
 from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
@@ -26,6 +27,7 @@ from .candidates import CandidatePostures, Planned, pools_in_words
 _UNDETERMINED = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
 _EXACT_ORDER = 9  # measurements up to which the shortest order is found for certain
 _LOOSEN = "loosen what removes most, move the target, or ask for more candidates"
+_OF_TYPICAL = 20  # candidates, by which a place of what is guessed on the flange is typical
 _SEVERAL = 300  # candidates: what these together do not notice, no plan of them does
 _COUNTED: frozenset[WrongModel] = frozenset({"tool", "jump", "backlash", "noise"})  # that a plan must notice
 _SPEED = 1.0  # rad/s (m/s) where the robot file states none
@@ -95,7 +97,8 @@ class Planner:
         targets: Mapping[str, Matrix],
         pools: Sequence[CandidatePostures],
     ) -> None:
-        """`targets` are the numbers (3,) of those of which the header does not say them."""
+        """`targets` are the numbers (3,) of those of which the header does not say them. Measurements are
+        chosen for a typical place of reflectors, mounts and tips that are only guessed."""
         self._removed = pools_in_words(pools)
         self._robot, self._postures = robot, np.concatenate([pool.postures for pool in pools])
         if not len(self._postures):
@@ -108,6 +111,10 @@ class Planner:
         for name, numbers in targets.items():
             block = self._problem.parameters.block("target", self._problem.targets.index(name))
             self._x[block] = numbers
+        self._guessed, self._at_guess = self._problem.at_predicted(self._x), self._x
+        self._mounted = mounted_spread(header, self._problem)
+        few = np.arange(len(self._postures))[:: max(len(self._postures) // _OF_TYPICAL, 1)]
+        _, self._x = typical(self._guessed.select(few), self._at_guess, self._mounted)
         self._problem = self._problem.at_predicted(self._x)
         parameters = self._problem.parameters
         free = parameters.free
@@ -252,10 +259,9 @@ class Planner:
         )
 
     def _proposal(self, chosen: Design) -> Proposal:
-        inverse = np.linalg.inv(self.candidates.information(chosen.rows))
-        scaled = np.sqrt(np.diag(inverse)[self._columns])
         order, travel = self._order(chosen.rows)
-        measurements = self._problem.select(order)
+        measurements, x = typical(self._guessed.select(order), self._at_guess, self._mounted)
+        scaled = predicted_std(measurements, x)[self._columns]  # as `check` promises it
         unit = np.mean([(item.prior_std * item.display) ** 2 for item in self._offsets])
         return Proposal(
             postures=self._postures[order],
@@ -272,7 +278,7 @@ class Planner:
             travel_s=travel if all(j.speed is not None for j in self._robot.joints) else None,
             candidates=len(self._postures),
             converged=chosen.converged,
-            power=powers(measurements, self._x, identify(measurements, self._x).facts.rank),
+            power=powers(measurements, x, identify(measurements, x).facts.rank),
             unnoticed=self._unnoticed,
         )
 

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import ClassVar
+from dataclasses import field
+from typing import Annotated, ClassVar
 
 from ...analysis.answer.message import Message
 from ...analysis.observability.geometry import GeometryResult
-from ...analysis.status import Status, Verdict, require_no_more_than
+from ...analysis.solution import ParameterResult
+from ...analysis.status import Verdict
+from ...model.records import if_any, record
 from ...words.sentences import to_json
 from .rig import RefusalReason, RefusedPosture
 
 
-@dataclass(frozen=True)
+@record
 class RunEvent:
     """`event` is the kind of it in JSON; times are seconds since the start of the run."""
 
     event: ClassVar[str]
 
 
-@dataclass(frozen=True)
+@record
 class RunOpened(RunEvent):
     """The run file is open. `recorded` are the measurements in it, `tolerance` is of an adaptive run."""
 
@@ -32,7 +34,7 @@ class RunOpened(RunEvent):
     tolerance: float | None
 
 
-@dataclass(frozen=True)
+@record
 class ConfirmationAsked(RunEvent):
     """A real arm is about to move: a person reads `text`, and answers yes or no."""
 
@@ -40,7 +42,7 @@ class ConfirmationAsked(RunEvent):
     text: str
 
 
-@dataclass(frozen=True)
+@record
 class Attempted(RunEvent):
     """An attempt (from 1) at a measurement begins."""
 
@@ -50,7 +52,7 @@ class Attempted(RunEvent):
     time_s: float
 
 
-@dataclass(frozen=True)
+@record
 class PhaseBegun(RunEvent):
     """Move, search, servo or settle begins."""
 
@@ -59,7 +61,7 @@ class PhaseBegun(RunEvent):
     time_s: float
 
 
-@dataclass(frozen=True)
+@record
 class SpotSeen(RunEvent):
     """The distance of the spot from the PSD's centre after a step of the servo.
 
@@ -74,7 +76,7 @@ class SpotSeen(RunEvent):
     size_mm: float | None = None
 
 
-@dataclass(frozen=True)
+@record
 class ArmSent(RunEvent):
     """The arm is sent to joint positions, or (by hand) asked for there; told where the scene is asked for.
 
@@ -92,7 +94,7 @@ class ArmSent(RunEvent):
     lit: bool
 
 
-@dataclass(frozen=True)
+@record
 class PictureTaken(RunEvent):
     """A picture of the camera; sent where the scene is requested, a few times a second at most.
 
@@ -107,7 +109,7 @@ class PictureTaken(RunEvent):
     grey: str
 
 
-@dataclass(frozen=True)
+@record
 class Retried(RunEvent):
     """An attempt was refused, and another one follows."""
 
@@ -118,7 +120,7 @@ class Retried(RunEvent):
     found: str
 
 
-@dataclass(frozen=True)
+@record
 class GivenUp(RunEvent):
     """The last attempt was refused."""
 
@@ -128,7 +130,7 @@ class GivenUp(RunEvent):
     found: str
 
 
-@dataclass(frozen=True)
+@record
 class MeasurementRecorded(RunEvent):
     """A measurement is on the disk, `recorded` with it; `std` by offset (deg; mm), None where unidentifiable.
 
@@ -147,13 +149,14 @@ class MeasurementRecorded(RunEvent):
     worst_std: float | None
     p_value: float | None
     consistent: bool
-    seconds: float | None = None
+    seconds: Annotated[float | None, if_any] = None
+
     expanded: Mapping[str, float | None] = field(default_factory=dict)
     tolerance: Mapping[str, float] = field(default_factory=dict)
     residuals: Mapping[int, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@record
 class EnteredReading:
     """What a person reads off an instrument: so many `numbers`, recorded as `key`, called `words`."""
 
@@ -162,7 +165,7 @@ class EnteredReading:
     numbers: int
 
 
-@dataclass(frozen=True)
+@record
 class PostureRequested(RunEvent):
     """A person is asked for measurement `shot`: `done` of `postures` are measured or skipped; `joints_deg` as
     planned, joint 3 as the pendant counts it; `pendant`: name, value and unit of each joint as it shows
@@ -184,7 +187,7 @@ class PostureRequested(RunEvent):
     also: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True)
+@record
 class ReadingRequested(RunEvent):
     """The joints of measurement `shot` are taken, and what the instrument reads there is asked for:
     `instrument` and `reflector` say of what, if there are several."""
@@ -196,7 +199,7 @@ class ReadingRequested(RunEvent):
     reflector: str | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Doubted(RunEvent):
     """Typed values are not recorded: `kind` is limit, radians, metres, repeated, far, unreadable, refused or
     help;
@@ -209,7 +212,7 @@ class Doubted(RunEvent):
     answers: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@record
 class Withdrawn(RunEvent):
     """A measurement is removed from the run file, to be repeated."""
 
@@ -217,7 +220,7 @@ class Withdrawn(RunEvent):
     shot: int
 
 
-@dataclass(frozen=True)
+@record
 class Suspected(RunEvent):
     """A measurement contradicts the others: its residual at their fit, and the corrected p-value."""
 
@@ -227,7 +230,7 @@ class Suspected(RunEvent):
     residual_mm: float
 
 
-@dataclass(frozen=True)
+@record
 class Stopped(RunEvent):
     """A fault of the rig, or an interruption, ended the run."""
 
@@ -235,27 +238,7 @@ class Stopped(RunEvent):
     why: str
 
 
-@dataclass(frozen=True)
-class KnownOffset:
-    """The estimate of an offset, deg or mm; neither estimate nor std where it is unidentifiable.
-
-    `tolerance_share` of its variance is set by the tolerances of the geometry, None where none are stated.
-    """
-
-    name: str
-    unit: str
-    status: Status
-    estimate: float | None
-    std: float | None
-    tolerance_share: float | None = None
-
-    def __post_init__(self) -> None:
-        require_no_more_than(self.name, self.status, std=self.std)
-        if self.status == "unidentifiable":
-            require_no_more_than(self.name, self.status, estimate=self.estimate)
-
-
-@dataclass(frozen=True)
+@record
 class Ended(RunEvent):
     """The answer of `zerobeam run`, `zerobeam/carried/1`.
 
@@ -272,7 +255,7 @@ class Ended(RunEvent):
     verdict: Verdict
     message: Message
     headline: str
-    parameters: tuple[KnownOffset, ...]
+    parameters: tuple[ParameterResult, ...]
     p_value: float | None
     consistent: bool
     shots: tuple[int, ...]
@@ -293,12 +276,5 @@ Listener = Callable[[RunEvent], None]
 
 def event_json(event: RunEvent) -> dict[str, object]:
     """Plain JSON types, keys in the order of the fields."""
-    content: dict[str, object] = {"event": event.event}
-    if isinstance(event, Ended):
-        content["schema"] = "zerobeam/carried/1"
-    content |= asdict(event)
-    if isinstance(event, Ended):
-        content["geometry"] = None if event.geometry is None else to_json(event.geometry)
-    if isinstance(event, MeasurementRecorded) and event.seconds is None:
-        del content["seconds"]
-    return content
+    schema = {"schema": "zerobeam/carried/1"} if isinstance(event, Ended) else {}
+    return {"event": event.event, **schema, **to_json(event)}

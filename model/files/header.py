@@ -42,13 +42,13 @@ from ..parsing.validation import (
     refusal,
     tuple_of,
     validate,
-    without_length,
+    with_length,
 )
 from .conventions import StatedBodies, StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
 from .whole_file import schema_line, short_in_one_line, write_whole, yaml_text
 
 
-def _direction(value: object) -> object:
+def _up(value: object) -> object:
     if isinstance(value, list | tuple) and len(value) == 3 and not any(value):
         raise refusal(
             "geometry.up has no length",
@@ -127,7 +127,7 @@ class StatedGeometry(FileModel):
         default=None,
         description="mass of each link, at its far end; only ratios count (default: equal masses)",
     )
-    up: Annotated[Vector, BeforeValidator(_direction)] = Field(
+    up: Annotated[Vector, BeforeValidator(_up)] = Field(
         default=(0.0, 0.0, 1.0),
         description="direction of up in the base frame, any length: [0, 0, -1] for an arm that hangs",
     )
@@ -287,7 +287,7 @@ class StatedTool(FileModel):
     point_mm: Vector = Field(
         description="a point on the beam, or the tip of the probe, in the flange frame, millimetres"
     )
-    direction: Vector | None = Field(
+    direction: Annotated[Vector, with_length("tool.direction")] | None = Field(
         default=None,
         description="direction of the beam in the flange frame, any length; required for a laser",
     )
@@ -311,13 +311,6 @@ class StatedTool(FileModel):
                 key=("direction",),
                 found=f"direction: {shown(self.direction)}",
                 remedy=f"remove it, or state kind: {' or '.join(names_of(beam=True))}",
-            )
-        if self.direction is not None and without_length(self.direction):
-            raise refusal(
-                "tool.direction has no length",
-                key=("direction",),
-                found=shown(self.direction),
-                allowed="any vector but zero",
             )
         if not beam and stated_sigma and "tilt_deg" in self.sigma.model_fields_set:
             raise refusal(
@@ -507,7 +500,7 @@ class StatedTarget(FileModel):
     sigma_mm: Positive = Field(
         default=10_000.0, description="standard deviation of that, each direction, millimetres"
     )
-    normal: Vector | None = Field(
+    normal: Annotated[Vector, with_length("the normal of the plane")] | None = Field(
         default=None,
         description="approximate outward normal of a plane, base frame, any length; required for one",
     )
@@ -540,13 +533,6 @@ class StatedTarget(FileModel):
                     found=f"kind: {self.kind}",
                     remedy=f"add {key}",
                 )
-        if self.normal is not None and without_length(self.normal):
-            raise refusal(
-                "the normal of the plane has no length",
-                key=("normal",),
-                found=shown(self.normal),
-                allowed="any vector but zero",
-            )
         return self
 
 

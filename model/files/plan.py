@@ -234,6 +234,12 @@ class Plan(Measurements):
         )
 
 
+def is_plan(path: Path) -> bool:
+    """Whether a YAML file says of itself that it is a plan, and no header alone."""
+    data = read_yaml(path).data
+    return isinstance(data, Mapping) and data.get("schema") == PLAN_SCHEMA
+
+
 def read_plan(path: Path | str) -> Plan:
     """Read a plan file (YAML, `zerobeam/plan/1`) and check every posture of it.
 

@@ -19,7 +19,7 @@ from ..parsing.validation import (
     Vector,
     as_tuple,
     refusal,
-    without_length,
+    with_length,
 )
 from .header import Header
 from .shot import JointValues
@@ -67,7 +67,7 @@ BEAM_ONLY = ("facing", "acceptance_deg", "beam_mm")  # of a laser; a probe has n
 class StatedConstraints(FileModel):
     """The key `constraints` of a plan file; what is not stated is not judged."""
 
-    facing: Vector | None = Field(
+    facing: Annotated[Vector, with_length("constraints.facing")] | None = Field(
         default=None,
         description="outward normal of the face of every target, base frame, any length; not for a probe",
     )
@@ -85,13 +85,6 @@ class StatedConstraints(FileModel):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        if self.facing is not None and without_length(self.facing):
-            raise refusal(
-                "constraints.facing has no length",
-                key=("facing",),
-                found=shown(self.facing),
-                allowed="any vector but zero",
-            )
         if self.facing is None and self.acceptance_deg is not None:
             raise refusal(
                 "constraints.acceptance_deg is stated without the direction that it is measured from",

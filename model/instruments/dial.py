@@ -8,11 +8,10 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from ..arrays import Mask, Matrix
-from ..parsing.reading import shown
-from ..parsing.validation import FileModel, Vector, refusal, without_length
+from ..parsing.validation import FileModel, Vector, with_length
 from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
 from .proposal import TIP, Point, ProposedHeader, faces_at
 from .tips import (
@@ -34,17 +33,11 @@ _RANGE = (0.0, 10.0)  # mm
 _OBLIQUE = float(np.radians(30.0))  # between the plunger and the face's normal, in a plan
 
 
-def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
-    if without_length(value):
-        raise refusal("the direction has no length", found=shown(value), allowed="any vector but zero")
-    return value
-
-
 class StatedDial(StatedTip, StatedRange):
     """A dial gauge on the flange."""
 
     kind: Literal["dial"] = Field(description="this kind of instrument")
-    direction: Annotated[Vector, AfterValidator(_direction)] = Field(
+    direction: Annotated[Vector, with_length("the direction")] = Field(
         description="in which its reading grows, in the flange frame, any length: towards the face"
     )
 

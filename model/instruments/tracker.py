@@ -22,7 +22,7 @@ from ..parsing.validation import (
     Vector,
     refusal,
     tuple_of,
-    without_length,
+    with_length,
 )
 from .frames import FREE_MM, FramedStation, StatedStand, known_frame, spread, vector_unknowns
 from .kind import Assumption, Flange, Misread, Target, TargetEntry, Unknown, Words
@@ -83,7 +83,7 @@ class StatedReflector(FileModel):
         default=None,
         description="standard deviation of that, each direction, millimetres; default: only a guess",
     )
-    direction: Vector | None = Field(
+    direction: Annotated[Vector, with_length("the direction of a reflector")] | None = Field(
         default=None,
         description="from where it is seen, in the flange frame, any length; absent: it is turned by hand",
     )
@@ -104,13 +104,6 @@ class StatedReflector(FileModel):
                 "acceptance_deg is stated of a reflector without its direction",
                 found=f"acceptance_deg: {self.acceptance_deg:g}",
                 remedy="add direction, or remove acceptance_deg",
-            )
-        if self.direction is not None and without_length(self.direction):
-            raise refusal(
-                "the direction of a reflector has no length",
-                key=("direction",),
-                found=shown(self.direction),
-                allowed="any vector but zero",
             )
         return self
 

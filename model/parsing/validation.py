@@ -171,6 +171,17 @@ def without_length(value: Any) -> bool:
         return False
 
 
+def with_length(what: str, allowed: str = "any vector but zero") -> AfterValidator:
+    """A vector of any length but zero; `what` it is begins the message of a wrong one."""
+
+    def check(value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if without_length(value):
+            raise refusal(f"{what} has no length", found=shown(value), allowed=allowed)
+        return value
+
+    return AfterValidator(check)
+
+
 Positive = Annotated[float, Field(gt=0), AfterValidator(_not_vanishing)]
 Name = Annotated[str, BeforeValidator(_name)]
 TargetName = Annotated[str, BeforeValidator(_target_name)]

@@ -6,10 +6,10 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...experiments.batch import Batch, BatchDocument
+from ...experiments.batch import Batch
 from ...model.errors import missing_extra
 from ...model.files.whole_file import write_whole
-from ...model.records import dumps
+from ...model.records import dumps, to_json
 from ...words.spreadsheet import csv_text
 from ..output.html import html
 from .batch_page import batch_page, uncertainty_picture
@@ -23,7 +23,7 @@ def write_batch(folder: Path, done: Batch, *, parquet: bool) -> None:
     """Write batch.html, batch.json, runs.csv and offsets.csv, each whole; with `parquet` these as well."""
     picture = uncertainty_picture(done.rows)
     pictures = {} if picture is None else {picture.name: picture}
-    write_whole(folder / ANSWER, dumps(BatchDocument.of(done).to_json()), force=True)
+    write_whole(folder / ANSWER, dumps(to_json(done)), force=True)
     for name, rows in ((RUNS, run_rows), (OFFSETS, offset_rows)):
         write_whole(folder / name, csv_text(rows(done)), force=True)
         if parquet:

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
-from typing import Literal
 
-from ...analysis.drift.drift import ALARM, MEDIAN, Jump
-from ...analysis.status import Verdict, known
-from ...experiments.history.arm_drift import NOT_SOON, ArmDrift, DatedChange
+from ...analysis.drift.drift import ALARM, MEDIAN
+from ...analysis.status import known
+from ...experiments.history.arm_drift import NOT_SOON, ArmDrift
 from ...experiments.history.content import Event, StoredResult
-from ...experiments.history.documents import ClearestJump, DueRow, FleetArm
+from ...experiments.history.documents import ArmState, State
+from ...model.records import to_json
 from ...words import numbers
 from ...words.judgement import Judgement
 from ...words.wording import clipped, label, listed
@@ -41,17 +41,7 @@ from .drift_text import (
 from .lists import day, events_table, offset_names, verdict_cell
 from .trend_figure import AT_ONCE
 
-State = Literal["overdue", "jump without event", "jump", "misfit", "no due date", "on schedule"]
-
-# The gravest first; `MARKS` has the status of the palette whose shape and colour each has.
-STATES: tuple[State, ...] = (
-    "overdue",
-    "jump without event",
-    "jump",
-    "misfit",
-    "no due date",
-    "on schedule",
-)
+# The status of the palette whose shape and colour each has.
 MARKS: dict[str, str] = {
     "overdue": "misfit",
     "jump without event": "weak",
@@ -60,32 +50,6 @@ MARKS: dict[str, str] = {
     "no due date": "unidentifiable",
     "on schedule": "identified",
 }
-
-
-@dataclass(frozen=True)
-class ArmState:
-    """A row of the list of all arms; `clearest` is the jump with the smallest p-value, one
-    without an event before others; `undecided` is how many changes may be a jump or drift."""
-
-    serial: str
-    model: str
-    results: int
-    counted: int
-    last: datetime | None
-    verdict: Verdict | None
-    judged: Judgement | None
-    jumps: int
-    clearest: DatedChange[Jump] | None
-    tolerance_mm: float
-    due: datetime | None
-    due_reason: str
-    state: State
-    undecided: int = 0
-
-    @property
-    def order(self) -> tuple[int, datetime, str, str]:
-        """The gravest first; within a state the date that is due first, then by serial number."""
-        return STATES.index(self.state), self.due or datetime.max, self.serial, self.model
 
 
 def arm_state(
@@ -103,10 +67,8 @@ def arm_state(
         verdict=None if last is None else last.verdict,
         judged=judged,
         jumps=len(arm.jumps),
-        clearest=min(arm.jumps, key=lambda jump: (bool(jump.events), jump.change.p_value), default=None),
-        tolerance_mm=arm.tolerance_mm,
-        due=arm.due,
-        due_reason=arm.due_reason,
+        clearest=min(arm.jumps, key=lambda jump: (bool(jump.events), jump.p_value), default=None),
+        next_due=arm.next_due,
         state=_state(arm, last, as_of),
         undecided=len(arm.undecided),
     )
@@ -125,20 +87,9 @@ def _state(arm: ArmDrift, last: StoredResult | None, as_of: datetime | None) -> 
     return "on schedule" if known else "no due date"
 
 
-def fleet_arm(state: ArmState, page: str | None) -> FleetArm:
-    """The row of an arm for programs."""
-    jump = state.clearest
-    clearest = None
-    if jump is not None:
-        clearest = ClearestJump.filled(jump.change, before=jump.before, events=len(jump.events))
-    due = DueRow.of(state.tolerance_mm, state.due, state.due_reason)
-    grade = None if state.judged is None else state.judged.grade
-    return FleetArm.filled(state, grade=grade, clearest_jump=clearest, due=due, page=page)
-
-
 def state_row(state: ArmState) -> dict[str, object]:
     """A row of fleet.csv."""
-    row = fleet_arm(state, None).to_json()
+    row = to_json(state)
     jump, due = row.pop("clearest_jump") or {}, row.pop("due")
     del row["page"]
     return {

@@ -18,13 +18,12 @@ from ...analysis.answer.result import parse_result
 from ...analysis.status import known, versions
 from ...experiments.history.content import StoredResult
 from ...experiments.history.database import Database
-from ...experiments.history.documents import HistoryResult
 from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from ...model.instruments.registry import kinds_of
-from ...model.records import dumps
+from ...model.records import dumps, to_json
 from ...words.judgement import Judgement, read_judgement
 from ...words.provenance import (
     CERTIFICATE_KEYS,
@@ -79,7 +78,7 @@ def certificate_json(
     judged = read_judgement(parse_result(json.dumps(answer)))
     _require_certifiable(result, answer, judged)
     offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
-    row = HistoryResult.of(result).to_json()
+    row = to_json(result)
     del row["without_prior"]
     header, fit = answer["inputs"]["header"], answer["fits"]["likelihood"]
     k = answer.get("coverage_factor") or _coverage_factor(offsets)
@@ -260,7 +259,7 @@ def why_history_differs(history: Database, certificate: Json) -> str | None:
         whole_answer(history, stored)
     except BadInput as error:
         return f"{error.what}: {error.found}"
-    now = HistoryResult.of(stored).to_json()
+    now = to_json(stored)
     del now["offsets"], now["without_prior"]  # of the document that was certified
     differing = [name for name, value in now.items() if certificate.get(name) != value]
     if differing:

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from ...analysis.drift.drift import Jump, Undecided
 from ...analysis.drift.instruments import Bias
-from ...experiments.history.arm_drift import ArmDrift, DatedChange
-from ...experiments.history.documents import DriftingOffset, RateRow, offsets_now
+from ...experiments.history.arm_drift import ArmDrift, DatedChange, DriftingOffset, Rate
 from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, InstrumentJump, ModelWalk
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, shown
@@ -69,15 +68,14 @@ def arms_drift_table(arms: Sequence[ArmDrift]) -> Block:
 def offsets_block(arm: ArmDrift) -> Block:
     """Every offset at the last result, and how fast it walks."""
     rows = [
-        row_of(label(offset.name), _now(offset), *_rate(offset.rate, offset.unit))
-        for offset in offsets_now(arm)
+        row_of(label(offset.name), _now(offset), *_rate(offset.rate, offset.unit)) for offset in arm.offsets
     ]
     heads = ("offset", "at the last result", "drift rate", "95 % interval")
     columns = [(head, "left" if head == "offset" else "right") for head in heads]
     return table_of("Offsets by all results, and their drift rate per root year", columns, rows)
 
 
-def _rate(rate: RateRow | None, unit: str) -> tuple[str | Cell, str]:
+def _rate(rate: Rate | None, unit: str) -> tuple[str | Cell, str]:
     if rate is None:
         return Cell("not determined", mark="unidentifiable"), ""
     return numbers.significant(rate.median, 2, unit), _interval(rate.interval95)
@@ -146,9 +144,9 @@ def change_sentence(dated: DatedChange[Jump] | DatedChange[Undecided]) -> str:
 def _happened(change: DatedChange[Jump] | DatedChange[Undecided]) -> Iterator[str]:
     for event in change.events:
         yield f"{event.what} {day(event.at)} {shown(event.note)}".strip()
-    if change.instruments is not None:
-        before, after = (clipped(name) if name else "not stated" for name in change.instruments)
-        changed = "changed" if all(change.instruments) else "may have changed"
+    if change.changed is not None:
+        before, after = (clipped(name) if name else "not stated" for name in change.changed)
+        changed = "changed" if all(change.changed) else "may have changed"
         yield f"instrument {changed}, a possible cause: {before} to {after}"
 
 
@@ -203,7 +201,7 @@ def _model_walk(model: ModelWalk) -> tuple[str, ...]:
     u = numbers.significant(model.noticed, 2, model.unit)
     if model.median is None or model.probability is None:
         return "not known", "", u, ""
-    median, interval = model.median
+    median, interval = model.median.median, model.median.interval95
     return (
         numbers.significant(median, 2, model.unit),
         _interval(interval),
@@ -228,7 +226,7 @@ def _fastest(fleet: FleetDrift) -> Block:
     def ratio(pair: tuple[ArmWalks, ArmWalk]) -> float:
         arm, offset_walk = pair
         return (
-            offset_walk.shrunken[0] / models[arm.model, offset_walk.offset].noticed
+            offset_walk.shrunken.median / models[arm.model, offset_walk.offset].noticed
             if offset_walk.shrunken
             else 0.0
         )
@@ -239,8 +237,8 @@ def _fastest(fleet: FleetDrift) -> Block:
             clipped(arm.serial, 16),
             clipped(arm.model, 16),
             label(offset_walk.offset),
-            numbers.significant(offset_walk.shrunken[0], 2, offset_walk.unit),
-            _interval(offset_walk.shrunken[1]),
+            numbers.significant(offset_walk.shrunken.median, 2, offset_walk.unit),
+            _interval(offset_walk.shrunken.interval95),
             "its model" if offset_walk.borrowed else "own results",
             _cause(models[arm.model, offset_walk.offset]),
         )

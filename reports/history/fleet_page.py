@@ -11,6 +11,7 @@ from functools import cached_property
 from matplotlib.ticker import MaxNLocator
 
 from ...experiments.history.arm_drift import NOT_SOON
+from ...experiments.history.documents import STATES, ArmState, State
 from ...experiments.history.fleet_drift import FleetDrift
 from ...words import numbers
 from ...words.wording import clipped, counted, listed
@@ -18,7 +19,7 @@ from ..style.blocks import Cell, Facts, FigureBlock, Page, Row, Section, Table, 
 from ..style.blocks import Verdict as Headline
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
-from .arm_page import DUE_MEANS, KEYS, MARKS, STATES, WORDS, ArmState, State
+from .arm_page import DUE_MEANS, KEYS, MARKS, WORDS
 from .drift_text import clearest_jump, fleet_blocks, with_labels
 from .lists import verdict_cell
 
@@ -100,8 +101,9 @@ def _reasons(fleet: Fleet) -> Iterator[Section]:
     """Why arms have no due date, or are due already; the reason of most arms first."""
     by_reason: dict[str, list[str]] = {}
     for row in fleet.rows:
-        if row.due_reason and row.due_reason != NOT_SOON:
-            by_reason.setdefault(row.due_reason, []).append(clipped(row.serial, 24))
+        reason = row.next_due.reason
+        if reason and reason != NOT_SOON:
+            by_reason.setdefault(reason, []).append(clipped(row.serial, 24))
     if not by_reason:
         return
     columns = [("why", "left"), ("arms", "right"), ("which", "left")]

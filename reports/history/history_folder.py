@@ -7,6 +7,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -15,18 +16,15 @@ from ...experiments.history.documents import (
     ARM_SCHEMA,
     FLEET_SCHEMA,
     ArmDocument,
-    ArmDriftRow,
+    ArmState,
     FleetDocument,
-    FleetDriftRow,
-    HistoryEvent,
-    HistoryResult,
 )
 from ...experiments.history.fleet_drift import fleet_drift
 from ...experiments.processes import side_by_side
-from ...model.records import dumps
+from ...model.records import dumps, to_json
 from ..output import whole_folder
 from ..output.whole_folder import LITTER, Kind, write_folder, write_page
-from .arm_page import ArmHistory, ArmState, arm_page, fleet_arm, headline, state_row
+from .arm_page import ArmHistory, arm_page, headline, state_row
 from .fleet_page import MOST_ROWS, Fleet, due_picture, fleet_page
 from .lists import offset_rows
 from .trend_figure import trend_pictures
@@ -102,10 +100,10 @@ def arm_document(history: ArmHistory) -> ArmDocument:
         as_of=None if history.as_of is None else f"{history.as_of:%Y-%m-%d}",
         headline=headline(history).sentence,
         state=history.state.state,
-        undetermined=list(history.never),
-        drift=ArmDriftRow.of(history.arm),
-        results=[HistoryResult.of(result) for result in history.results],
-        events=[HistoryEvent.of(event) for event in history.events],
+        undetermined=tuple(history.never),
+        drift=history.arm,
+        results=history.results,
+        events=tuple(history.events),
     )
 
 
@@ -115,8 +113,8 @@ def fleet_document(fleet: Fleet) -> FleetDocument:
         as_of=None if fleet.as_of is None else f"{fleet.as_of:%Y-%m-%d}",
         tolerance_mm=fleet.tolerance_mm,
         states={str(state): count for state, count in fleet.counts.items()},
-        drift=FleetDriftRow.of(fleet.drift),
-        arms=[fleet_arm(row, fleet.pages.get((row.serial, row.model))) for row in fleet.rows],
+        drift=fleet.drift,
+        arms=tuple(replace(row, page=fleet.pages.get((row.serial, row.model))) for row in fleet.rows),
     )
 
 
@@ -137,7 +135,7 @@ def _write_arm(folder: Path, history: ArmHistory) -> None:
         arm_page(history),
         pictures,
         "study",
-        answer=(_ARM_JSON, dumps(arm_document(history).to_json())),
+        answer=(_ARM_JSON, dumps(to_json(arm_document(history)))),
         tables={_ARM_TABLE: offset_rows(history.results)},
     )
 
@@ -187,7 +185,7 @@ def _write_fleet(
         fleet_page(fleet),
         {} if picture is None else {picture.name: picture},
         "study",
-        answer=(_FLEET_JSON, dumps(fleet_document(fleet).to_json())),
+        answer=(_FLEET_JSON, dumps(to_json(fleet_document(fleet)))),
         tables={_FLEET_TABLE: map(state_row, rows)},
     )
     return fleet

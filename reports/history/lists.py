@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 
 from ...analysis.status import Verdict
 from ...experiments.history.content import Arm, Event, StoredResult
-from ...experiments.history.documents import HISTORY_SCHEMA, HistoryEvent, HistoryResult, utc
-from ...model.files.json_document import JsonDocument
-from ...model.records import one_line
+from ...experiments.history.documents import HISTORY_SCHEMA
+from ...model.records import one_line, to_json
 from ...words import numbers
 from ...words.judgement import Judgement, verdict_words
 from ...words.wording import capital, clipped, counted, label, shown
@@ -89,17 +89,22 @@ def history_text(
 ) -> Iterator[str]:
     """Results with what they are worth, and events where they are given, as JSON in pieces: a line each."""
     yield f'{{\n "schema": "{HISTORY_SCHEMA}",\n "results": '
-    yield from _listed(HistoryResult.of(result, worth) for result, worth in results)
+    yield from _listed(worth(*each) for each in results)
     if events is not None:
         yield ',\n "events": '
-        yield from _listed(map(HistoryEvent.of, events))
+        yield from _listed(events)
     yield "\n}\n"
 
 
-def _listed(rows: Iterable[JsonDocument]) -> Iterator[str]:
+def worth(result: StoredResult, judged: Judgement | None) -> StoredResult:
+    """The result with what it is worth, where that was read."""
+    return result if judged is None else replace(result, grade=judged.grade, may=judged.may)
+
+
+def _listed(rows: Iterable[StoredResult | Event]) -> Iterator[str]:
     between = "[\n  "
     for row in rows:
-        yield between + one_line(row.to_json())
+        yield between + one_line(to_json(row))
         between = ",\n  "
     yield "[]" if between[0] == "[" else "\n ]"
 
@@ -112,7 +117,7 @@ def offset_rows(results: Iterable[StoredResult]) -> Iterator[dict[str, object]]:
             yield {
                 "serial": result.serial,
                 "model": result.model,
-                "measured_at": utc(result.measured_at),
+                "measured_at": to_json(result.measured_at),
                 "instrument": result.instrument or None,
                 "operator": result.operator or None,
                 "run": result.run,

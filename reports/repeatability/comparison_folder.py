@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...analysis.repeatability.compare import (
+    COMPARE_SCHEMA,
     Comparison,
 )
 from ...model.records import dumps
-from ...words.comparison_json import COMPARE_SCHEMA, ComparisonDocument
+from ...words.sentences import to_json
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder, write_page
 from .comparison_page import comparison_page, runs_picture
@@ -89,6 +90,6 @@ def _write_files(folder: Path, comparison: Comparison) -> list[str]:
         comparison_page(comparison),
         {} if picture is None else {picture.name: picture},
         "study",
-        answer=(_JSON, dumps(ComparisonDocument.of(comparison).to_json())),
+        answer=(_JSON, dumps(to_json(comparison))),
         tables={_TABLE: offset_rows(comparison)},
     )

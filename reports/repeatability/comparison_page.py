@@ -232,7 +232,7 @@ def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
         cell = Cell(f"outlier, {cell}", mark="weak")
     elif run.misfit:
         cell = Cell(f"misfit, {cell}", mark="unvalidated")
-    if run.failure is not None:
+    if run.reason is not None:
         cell = Cell("no result", mark="weak")
     at = numbers.significant(run.at, 3, "h") if comparison.by_time else str(number)
     count = _NOT_GIVEN if run.shots is None else str(run.shots)

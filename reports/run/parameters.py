@@ -365,8 +365,23 @@ def rehearsal_section(result: Result) -> Section | None:
         return None
     about = Paragraph(
         "The run is simulated, so the true values are known. About 19 of 20 errors should be below U."
+        f" {errors_sentence(true, result.parameters, k)}"
     )
     return section_of("Rehearsal: estimates and true values", about, table)
+
+
+def errors_sentence(true: Mapping[str, float], rows: Iterable[Estimated], k: float) -> str:
+    """Which estimates are off by more than U, or that none is."""
+    larger = []
+    for row in rows:
+        if row.name not in true or row.estimate is None or row.std is None:
+            continue
+        error, expanded = abs(row.estimate - true[row.name]), k * row.std
+        if error > expanded:
+            unit = unit_of(row.unit)
+            off = numbers.with_unit(numbers.fixed(error, numbers.decimals(expanded)), unit)
+            larger.append(f"{label(row.name)} is off by {off} (U {numbers.spread(expanded, unit)})")
+    return f"Larger than U: {listed(larger)}." if larger else "No error is larger than U."
 
 
 def truth_table(true: Mapping[str, float], rows: Iterable[Estimated], k: float) -> Table | None:

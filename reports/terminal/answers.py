@@ -22,6 +22,7 @@ from ..run.geometry import geometry_lines
 from ..run.next_steps import next_steps_section
 from ..run.parameters import (
     NO_NUMBER,
+    errors_sentence,
     offsets_caption,
     offsets_table,
     offsets_worth,
@@ -131,6 +132,7 @@ def print_carried(console: Console, answer: Ended) -> None:
         table_of_truth = truth_table(answer.true, answer.parameters, k)
         if table_of_truth is not None and answer.verdict != "misfit":
             _print_table(console, table_of_truth)
+            console.print(Text(errors_sentence(answer.true, answer.parameters, k)))
     if answer.consistent and answer.p_value is not None and not answer.verifies:
         p_value = numbers.p_value(answer.p_value)
         console.print(Text(f"p-value of the residuals under the stated noise: {p_value}."))

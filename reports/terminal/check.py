@@ -9,13 +9,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...analysis.answer.message import Message
+from ...analysis.answer.message import Action, Message
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
 from ...words import numbers
 from ...words.geometry import check_lines
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
+from ...words.plan_message import plan_action
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ...words.wording import ended, label, person, sentence
 from ..run.parameters import worth_column
@@ -27,6 +28,8 @@ def print_check(console: Console, check: Check) -> None:
     """The answer of `check`: verdict, predicted standard uncertainties, null-space directions, notes."""
     print_verdict(console, check.verdict, check_headline(check, person))
     print_notes(console, [sentence(note) for note in check_notes(check)])
+    if check.violations:
+        print_action(console, plan_action(check))
     console.print(Text("What this plan will determine", style="italic"))
     table = Table(box=None, pad_edge=False)
     worth, of = worth_column(check.geometry)
@@ -75,12 +78,17 @@ def print_message(console: Console, message: Message) -> None:
     for text in (message.cause, None if message.worst is None else message.worst.text):
         if text is not None:
             console.print(Text(sentence(text)))
-    console.print(Text("To do: ", style="bold") + Text(sentence(message.action.text)))
-    if message.action.command is not None:
-        print_commands(console, (message.action.command,))
+    print_action(console, message.action)
     for text in message.basis:
         console.print(Text(sentence(text), style="dim"))
     print_notes(console, message.cautions)
+
+
+def print_action(console: Console, action: Action) -> None:
+    """What to do, and the command that does it."""
+    console.print(Text("To do: ", style="bold") + Text(sentence(action.text)))
+    if action.command is not None:
+        print_commands(console, (action.command,))
 
 
 def print_commands(console: Console, commands: Iterable[str]) -> None:

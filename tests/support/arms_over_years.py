@@ -14,8 +14,9 @@ import numpy as np
 from histories import a_result, write_result
 
 from zerobeam.analysis.answer.message import May
+from zerobeam.analysis.covariance import OffsetsWithoutPrior
 from zerobeam.experiments.history.arm_drift import arm_drift
-from zerobeam.experiments.history.content import Event, StoredCovariance, StoredResult
+from zerobeam.experiments.history.content import Event, StoredResult
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.reports.history.arm_page import ArmHistory
 from zerobeam.words.judgement import Judgement
@@ -82,7 +83,7 @@ def over_years(
     return tuple(made)
 
 
-def without_offset(alone: StoredCovariance, lost: str) -> StoredCovariance:
+def without_offset(alone: OffsetsWithoutPrior, lost: str) -> OffsetsWithoutPrior:
     """The same of a result that does not determine one of the offsets."""
     kept = [i for i, name in enumerate(alone.names) if name != lost]
     return replace(

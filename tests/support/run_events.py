@@ -6,9 +6,11 @@ import json
 from typing import Any
 
 from zerobeam.analysis.answer.message import Action, Message, WorstOffset
+from zerobeam.analysis.solution import ParameterResult
 from zerobeam.experiments.procedure import events
 from zerobeam.experiments.procedure.events import RunEvent, event_json
 from zerobeam.experiments.procedure.rig import RefusalReason, RefusedPosture
+from zerobeam.model.records import read
 
 Json = dict[str, Any]
 _KINDS: dict[str, Any] = {kind.event: kind for kind in RunEvent.__subclasses__()}
@@ -27,7 +29,7 @@ def event_of(content: Json) -> RunEvent:
     if content["event"] == events.Ended.event:
         said = stated.get("message") or {"verdict": stated["headline"]}
         stated["message"] = message_of(**said)
-        stated["parameters"] = tuple(events.KnownOffset(**row) for row in stated["parameters"])
+        stated["parameters"] = tuple(read(ParameterResult, row) for row in stated["parameters"])
         stated["refused"] = tuple(
             RefusedPosture(**{**row, "reason": RefusalReason(row["reason"])}) for row in stated["refused"]
         )

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import doosan_controller
 import fanuc_interpreter
 import numpy as np
+import urscript_interpreter
 import yaskawa_controller
 from fanuc_backups import LR_MATE, write_backup
 from program_arm import PendantArm
@@ -70,7 +71,19 @@ def _cal_offsets(text: str) -> dict[int, float]:
     return {int(joint): math.degrees(-float(change) / _GEARS[int(joint) - 1]) for joint, change in rows}
 
 
+def _ur(program: Path, arm: PendantArm) -> None:
+    log, _ = urscript_interpreter.carried_out(program.read_text(encoding="utf-8"), arm)
+    program.with_suffix(".log").write_text(log, encoding="utf-8")
+
+
+def _joint_zeros(text: str) -> dict[int, float]:
+    """A joint reads 0 where it read what it is driven to."""
+    rows = re.findall(r"^J(\d) +\S+ +([-+][\d.]+)$", text, re.MULTILINE)
+    return {int(joint): -float(at) for joint, at in rows}
+
+
 WAYS = {
+    "docs/how-to/ur5e.md": Controller(_ur, "joint-zero.txt", _joint_zeros),
     "docs/how-to/fanuc.md": Controller(_fanuc, "mastering.txt", _master_counts),
     "docs/how-to/yaskawa.md": Controller(
         yaskawa_controller.carried_out, "home-position.txt", _home_positions

@@ -35,7 +35,7 @@ from zerobeam.model.files.robot_file import load_robot, read_robot
 from zerobeam.model.files.run import read_run
 
 # Read by the command or the header that names them.
-BY_OTHERS = (".csv", ".ls", ".dat", ".log", ".urdf", ".py", ".drl")
+BY_OTHERS = (".csv", ".conf", ".ls", ".dat", ".log", ".urdf", ".py", ".drl")
 LANGUAGES = {"sh", "console", "bat", "python", "yaml", "json", "csv", "xml", "text", "text output"}
 # What a block of commands may begin with that is no zerobeam: installing, and what make knows.
 NOT_OURS = ("make", "python3 -m venv", "source .venv/", ".venv/", ".venv\\", "py -3", "pip install")

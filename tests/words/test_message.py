@@ -93,7 +93,10 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
         "This holds if nothing changed during the run, the readings are right to their stated noise and the"
         " arm and the tool are within their tolerances."
     )
-    assert "measured again at the end of a run" in said.cautions[0]
+    assert said.cautions[0].startswith(
+        "To determine J6 (δ6): measure the laser's mounting and state tool.sigma"
+    )
+    assert "measured again at the end of a run" in said.cautions[1]
     assert judged(result).grade == "pass"
     assert said.verdict.count("k\u00a0=\u00a02") == 1
     assert said.worst is not None
@@ -289,7 +292,7 @@ def test_a_misfit_names_held_offsets_but_the_last_of_a_free_tool(
 ) -> None:
     """The tool takes that one up, so that holding it spoils nothing."""
     case = _case(analysed("swapped").result)
-    by_header: dict[str, Any] = {"status": "held", "held": True, "cause": Held("header"), "estimate": 0.0}
+    by_header: dict[str, Any] = {"status": "held", "cause": Held("header"), "estimate": 0.0}
     by_header |= dict.fromkeys(("std", "data_std", "interval95", "midpoint", "tolerance_share"))
     rows = [replace(row, **by_header) if row.name == f"delta{held}" else row for row in case.parameters]
     tool = {**cast("dict[str, object]", case.header["tool"]), "calibrated": calibrated}

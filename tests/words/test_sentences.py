@@ -62,8 +62,8 @@ def test_the_keys_are_those_of_the_design() -> None:
         *("power", "taken_as_known", "notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
-        *("name", "unit", "group", "status", "held", "estimate", "std", "data_std", "interval95"),
-        *("prior_std", "midpoint", "tolerance_share", "reason"),
+        *("name", "unit", "status", "estimate", "std", "interval95", "group", "data_std", "prior_std"),
+        *("midpoint", "tolerance_share", "reason", "held"),
     ]
     assert list(answer["geometry"]) == [
         *("factors", "ladder", "consider", "at_half", "at_twice", "confounded"),
@@ -136,7 +136,6 @@ def test_an_unidentifiable_parameter_may_carry_no_number(key: str, value: object
         ("delta1", {"cause": None}),
         ("delta1", {"std": 0.1}),
         ("delta1", {"estimate": None}),
-        ("delta1", {"held": False}),
         ("delta3", {"estimate": None}),
         ("delta3", {"std": 0.0}),
         ("delta3", {"interval95": (1.0, 1.0)}),

@@ -11,7 +11,7 @@ from ....analysis.answer.result import Result
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
-from ....model.records import if_any, record
+from ....model.records import if_any, it, record
 from ....reports.run.inputs import origin_of
 from ....words.brief import result_tone, result_words
 from ....words.wording import clipped
@@ -44,11 +44,11 @@ class BriefResult:
     """A result of the folder."""
 
     file: str
-    verdict: Annotated[Verdict | None, if_any()] = None
-    grade: Annotated[Grade | None, if_any("how it is coloured")] = None
-    words: Annotated[str | None, if_any("verdict and worth in words")] = None
-    offsets: Annotated[list[BriefOffset] | None, if_any()] = None
-    error: Annotated[str | None, if_any("why it cannot be read")] = None
+    verdict: Annotated[Verdict | None, if_any] = None
+    grade: Annotated[Grade | None, it("how it is coloured"), if_any] = None
+    words: Annotated[str | None, it("verdict and worth in words"), if_any] = None
+    offsets: Annotated[list[BriefOffset] | None, if_any] = None
+    error: Annotated[str | None, it("why it cannot be read"), if_any] = None
 
 
 @record(kw_only=True)
@@ -56,13 +56,13 @@ class BriefRun:
     """A run of the folder: what its header states, and its results, the newest first."""
 
     file: str
-    robot: Annotated[str | None, if_any()] = None
-    serial: Annotated[str | None, if_any()] = None
-    when: Annotated[str | None, if_any()] = None
-    who: Annotated[str | None, if_any()] = None
-    instrument: Annotated[str | None, if_any()] = None
-    origin: Annotated[str | None, if_any()] = None
-    error: Annotated[str | None, if_any("why it cannot be read")] = None
+    robot: Annotated[str | None, if_any] = None
+    serial: Annotated[str | None, if_any] = None
+    when: Annotated[str | None, if_any] = None
+    who: Annotated[str | None, if_any] = None
+    instrument: Annotated[str | None, if_any] = None
+    origin: Annotated[str | None, if_any] = None
+    error: Annotated[str | None, it("why it cannot be read"), if_any] = None
     results: list[BriefResult]
 
 

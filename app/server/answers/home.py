@@ -77,10 +77,10 @@ class CalibrationState:
 
     kind: Annotated[StateKind, it("`held`: a pass of a simulated run")]
     text: str
-    verdict: Annotated[Verdict | None, if_any()] = None
-    recorded: Annotated[int | None, if_any("measurements")] = None
-    of: Annotated[int | None, if_any("measurements of the plan")] = None
-    file: Annotated[str | None, if_any("what this is said of")] = None
+    verdict: Annotated[Verdict | None, if_any] = None
+    recorded: Annotated[int | None, it("measurements"), if_any] = None
+    of: Annotated[int | None, it("measurements of the plan"), if_any] = None
+    file: Annotated[str | None, it("what this is said of"), if_any] = None
 
 
 @record(kw_only=True)

@@ -83,9 +83,11 @@ class PostureScene:
     violations: Annotated[list[str], it("what it breaks of the plan's constraints, in words")]
     touches: list[str]
     sights: Annotated[list[list[list[float]]], it("lines to what an instrument measures")]
-    axes: Annotated[list[list[float]] | None, if_any("n unit vectors, of the joints; with `links`")] = None
+    axes: Annotated[list[list[float]] | None, it("n unit vectors, of the joints; with `links`"), if_any] = (
+        None
+    )
     links: Annotated[
-        list[list[list[float]]] | None, if_any("n + 1 poses of base and links: rows of 3 x 4")
+        list[list[list[float]]] | None, it("n + 1 poses of base and links: rows of 3 x 4"), if_any
     ] = None
 
 
@@ -96,9 +98,9 @@ class CellMark:
     kind: Mark
     name: str
     at: list[float]
-    normal: Annotated[list[float] | None, if_any()] = None
-    radius: Annotated[float | None, if_any("of a ball or a face")] = None
-    acceptance_deg: Annotated[float | None, if_any("largest angle of a beam to the normal")] = None
+    normal: Annotated[list[float] | None, if_any] = None
+    radius: Annotated[float | None, it("of a ball or a face"), if_any] = None
+    acceptance_deg: Annotated[float | None, it("largest angle of a beam to the normal"), if_any] = None
 
 
 @record(kw_only=True)
@@ -138,11 +140,11 @@ class CheckAnswer(BaseModel):
 
     message: Message
     action: OfferedAction
-    marks: Annotated[list[CellMark] | None, if_any()] = None
-    scene: Annotated[list[PostureScene] | None, if_any()] = None
-    touched_boxes: Annotated[list[int] | None, if_any()] = None
-    null_motion: Annotated[list[NullMotion] | None, if_any()] = None
-    said: Annotated[CheckRemarks | None, if_any()] = None
+    marks: Annotated[list[CellMark] | None, if_any] = None
+    scene: Annotated[list[PostureScene] | None, if_any] = None
+    touched_boxes: Annotated[list[int] | None, if_any] = None
+    null_motion: Annotated[list[NullMotion] | None, if_any] = None
+    said: Annotated[CheckRemarks | None, if_any] = None
     warnings: list[str]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from ....experiments.arm_shown import ShownArm, arm_json, shown_arm
 from ....model.arrays import Matrix
@@ -40,13 +40,14 @@ class DrawnArm(BaseModel):
 
     model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
-    skeleton: list[list[float]] = Field(description="n + 2 points, mm: base, joints, flange")
-    axes: list[list[float]] = Field(description="n unit vectors, of the joints")
-    links: list[list[list[float]]] = Field(description="n + 1 poses of base and links: rows of 3 x 4")
-    ranges: list[list[float]] = Field(
-        description="n lower and upper limits, deg (mm), joint 3 from link 2; `joints` has the pendant's"
-    )
-    notes: Annotated[list[str] | None, if_any("where numbers look wrong")] = None
+    skeleton: Annotated[list[list[float]], it("n + 2 points, mm: base, joints, flange")]
+    axes: Annotated[list[list[float]], it("n unit vectors, of the joints")]
+    links: Annotated[list[list[list[float]]], it("n + 1 poses of base and links: rows of 3 x 4")]
+    ranges: Annotated[
+        list[list[float]],
+        it("n lower and upper limits, deg (mm), joint 3 from link 2; `joints` has the pendant's"),
+    ]
+    notes: Annotated[list[str] | None, it("where numbers look wrong"), if_any] = None
 
 
 @record(kw_only=True)

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from lark import Token, Tree
 
 from ....model.arrays import Matrix
+from ....model.errors import BadInput
 from ....model.kinematics.branches import Branch
 from ..line_language import LineLanguage, Statement, capitals
 from ..maker import blanked
@@ -53,11 +54,25 @@ def _numbers(value: XmlElement, keys: Sequence[str]) -> list[Token] | None:
     return [Token("VALUE", number, start_pos=start) for number, start in placed]
 
 
+def _require_s7(roots: Sequence[XmlElement]) -> None:
+    """BadInput for an application of VAL3 s6, whose files have other elements and types (`programList`,
+    `joint`, `point`)."""
+    older = [root.of("xmlns") for root in roots if root.of("xmlns") in ("ProgramNameSpace", "DataNameSpace")]
+    if older:
+        raise BadInput(
+            "this application is of VAL3 s6, and those of s7 alone are read",
+            found=f'xmlns="{older[0]}"',
+            allowed='xmlns="http://www.staubli.com/robotics/VAL3/…"',
+            remedy="convert the application to s7 with the Staubli Robotics Suite",
+        )
+
+
 class _Application:
     """All documents of an application, in their order."""
 
     def __init__(self, text: str) -> None:
         self.text, self.roots = text, documents(text)
+        _require_s7(self.roots)
         self.data = [data for root in self.roots if root.tag == "Database" for data in root.all("Data")]
         self.kinds = {data.of("name").lower(): data.of("type") for data in self.data}
         self.free: set[str] = set()  # points of which a word of the configuration is open

@@ -46,7 +46,7 @@ from ....model.parsing.validation import (
     Vector,
     refusal,
     validate,
-    without_length,
+    with_length,
 )
 from ....words import numbers
 
@@ -133,7 +133,9 @@ class PlanMaking(FileModel):
         default=1000, description="postures that an optimal plan is chosen from"
     )
     criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
-    facing: Vector | None = Field(
+    facing: (
+        Annotated[Vector, with_length("the normal of the face", "any vector but zero, or null")] | None
+    ) = Field(
         default=(0.0, 0.0, 1.0),
         description="outward normal of the target's face, base frame, any length; null: any side",
     )
@@ -153,13 +155,6 @@ class PlanMaking(FileModel):
                 key=("beam_mm",),
                 found=shown(list(self.beam_mm)),
                 allowed="a shortest beam of 0 or more and below the longest",
-            )
-        if self.facing is not None and without_length(self.facing):
-            raise refusal(
-                "the target's face has no direction",
-                key=("facing",),
-                found=shown(list(self.facing)),
-                allowed="any vector but zero, or null",
             )
         if self.span is not None and self.width_mm is not None:
             raise refusal(

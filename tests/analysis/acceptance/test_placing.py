@@ -19,9 +19,9 @@ def sockets() -> Problem:
 
 def test_lengths_of_a_socket_are_made_up_to_four_or_left_out():
     problem = sockets()
-    assert _placing(problem, [0, 2, 4, 6]) == [0, 2, 4, 6]
-    completed = _placing(problem, [0, 2, 4, 6, 8, 1, 3])
+    assert _placing(problem, [0, 2, 4, 6], np.arange(problem.shots)) == [0, 2, 4, 6]
+    completed = _placing(problem, [0, 2, 4, 6, 8, 1, 3], np.arange(problem.shots))
     assert completed[:7] == [0, 2, 4, 6, 8, 1, 3]
     assert [row % 2 for row in completed[7:]] == [1, 1]
     few = problem.select(np.array([0, 2, 4, 6, 8, 1, 3]))
-    assert _placing(few, [0, 1, 2, 3, 5]) == [0, 1, 2, 3]
+    assert _placing(few, [0, 1, 2, 3, 5], np.arange(few.shots)) == [0, 1, 2, 3]

@@ -59,7 +59,7 @@ def test_a_result_of_before_a_key_is_read_without_it() -> None:
             },
             "values to enter",
         ),
-        ({"parameters": [{**OFFSET, "status": "unidentifiable"}]}, "yet it has a value as estimate"),
+        ({"parameters": [{**OFFSET, "status": "unidentifiable"}]}, "yet it has a value as"),
         ({"parameters": [{**OFFSET, "std": None}]}, "lacks estimate, std or interval95"),
         ({"parameters": [{**OFFSET, "std": True}]}, "parameters.0.std"),
         ({"notes": [3]}, "notes.0"),

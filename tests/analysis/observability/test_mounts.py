@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cells import good_plan, run_of
+from plan_requests import plan_request
 
 from zerobeam.analysis.observability import check as module
 from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.analysis.observability.check import check, without_posture
 from zerobeam.analysis.observability.outlook import GUESSED, predicted_std
 from zerobeam.experiments.makers.calibration import converged_solution
+from zerobeam.experiments.plans.make import make_plan
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan, read_plan
@@ -45,7 +47,7 @@ def test_the_promise_is_what_rehearsals_know(monkeypatch: pytest.MonkeyPatch) ->
     own, rehearsed = promised(plan), at_truths(plan, 40)
     assert own == pytest.approx(rehearsed, rel=0.25)
     # A control: the guess alone promises a third of it.
-    monkeypatch.setattr(module, "_mounted_spread", lambda plan, problem: np.zeros(len(problem.parameters)))
+    monkeypatch.setattr(module, "mounted_spread", lambda header, problem: np.zeros(len(problem.parameters)))
     guessed = promised(plan)
     assert guessed["delta5"] < rehearsed["delta5"] / 2.5
     assert check(plan).over_target is None
@@ -92,6 +94,17 @@ def test_the_plan_without_a_posture_is_judged_at_a_typical_place_too() -> None:
     assert (rest.std["delta5"] or 0.0) > 0.9 * promised(turned.plan)["delta5"]
 
 
+def test_a_plan_is_chosen_and_decided_on_for_a_typical_place() -> None:
+    """What the planner says of a plan is what its check promises; by the guess alone it was a third."""
+    header = read_plan(PLAN).header
+    request = plan_request(header=header, target=None, candidates=60, shots=8, tolerance=None)
+    made = make_plan(request, None, lambda stage, share: None)
+    assert made.proposal is not None
+    assert made.checked is not None
+    checked = {row.name: row.std for row in made.checked.parameters}
+    assert made.proposal.std == pytest.approx({name: checked[name] for name in made.proposal.std}, rel=1e-3)
+
+
 def test_a_laser_and_its_mount_are_judged_as_stated() -> None:
     """Its tilt and shift are what `tool` states or assumes: nothing is only guessed."""
     assert check(good_plan(7)).over_target is None
@@ -100,7 +113,7 @@ def test_a_laser_and_its_mount_are_judged_as_stated() -> None:
 def test_simulations_draw_what_the_promise_is_for() -> None:
     plan = read_plan(PLAN)
     problem = aim_plan(plan).problem
-    spread = module._mounted_spread(plan, problem)
+    spread = module.mounted_spread(plan.header, problem)
     assert sorted({*spread.tolist()}) == [0.0, GUESSED["mm"]]
     drawn = np.array([Truth.drawn(plan, np.random.default_rng(seed)).x for seed in range(200)])
     places = drawn[:, spread > 0] - problem.nominal()[spread > 0]

@@ -32,7 +32,7 @@ from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.model.parsing.validation import LARGEST
-from zerobeam.words.comparison_json import ComparisonDocument
+from zerobeam.words.sentences import to_json
 
 ROOT = Path(__file__).resolve().parents[3]
 Json = dict[str, Any]
@@ -40,11 +40,11 @@ Json = dict[str, Any]
 
 def compare(paths: Sequence[Path | str]) -> Json:
     """The answer as `compare --json` prints it."""
-    return ComparisonDocument.of(compare_runs(paths)).to_json()
+    return to_json(compare_runs(paths))
 
 
 def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
-    return ComparisonDocument.of(Comparison.of_repeats(kind, repeats, seed)).to_json()
+    return to_json(Comparison.of_repeats(kind, repeats, seed))
 
 
 def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> RunSample:

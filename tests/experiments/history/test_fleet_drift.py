@@ -12,9 +12,9 @@ from histories import a_result, write_result
 
 from zerobeam.experiments.history.arm_drift import ArmDrift, arm_drift
 from zerobeam.experiments.history.content import StoredResult
-from zerobeam.experiments.history.documents import FleetDriftRow
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.fleet_drift import FleetDrift, fleet_drift
+from zerobeam.model.records import to_json
 from zerobeam.reports.history.drift_text import drift_blocks, fleet_blocks
 from zerobeam.reports.style.blocks import Block, Paragraph, Table
 
@@ -79,7 +79,7 @@ def test_the_joint_that_walks_fast_is_named(mixed: tuple[list[ArmDrift], FleetDr
     _, found = mixed
     assert [(own.model, own.offset) for own in found.models if own.drifts] == [("irb1600", "delta3")]
     (own,) = [own for own in found.models if own.drifts]
-    assert own.median[1][0] < 1.0 < own.median[1][1]
+    assert own.median.interval95[0] < 1.0 < own.median.interval95[1]
     assert own.arms == 4
     assert found.too_few == 1
     assert {own.serial for own in found.arms} == {"fast 0", "fast 1", "fast 2", "fast 3", "slow"}
@@ -124,7 +124,7 @@ def test_arms_with_few_results_borrow_and_say_so(one: StoredResult) -> None:
     (few,) = [own for own in found.arms if own.serial == "few"]
     (own,) = [walk for walk in few.walks if walk.offset == "delta3"]
     assert own.borrowed
-    assert own.shrunken[0] > 1.5 * own.alone[0]
+    assert own.shrunken.median > 1.5 * own.alone.median
     many = [
         walk for arm in found.arms for walk in arm.walks if arm.serial != "few" and walk.offset == "delta3"
     ]
@@ -145,7 +145,7 @@ def test_an_offset_that_no_arm_determines_twice_is_not_known(one: StoredResult) 
     (own,) = [own for own in found.models if own.offset == "delta2"]
     assert (own.arms, own.median, own.probability, own.drifts) == (0, None, None, False)
     assert "not known" in texts(list(fleet_blocks(found)))
-    told = FleetDriftRow.of(found).to_json()
+    told = to_json(found)
     assert told["models"][0]["rate"] is None
     assert told["arms"][0]["offsets"][0]["rate"] is None
 

@@ -31,6 +31,7 @@ from zerobeam.experiments.history.store import (
     results,
 )
 from zerobeam.model.errors import BadInput
+from zerobeam.model.records import to_json
 
 
 def entry(folder: Path, answer: dict[str, Any], **how: Any) -> Entry:
@@ -55,7 +56,7 @@ def test_a_result_comes_back_as_it_was(history: Database, tmp_path: Path) -> Non
         *("Hamamatsu 17", "J. Doe"),
     )
     assert found.measured_at.isoformat() == "2026-03-31T12:05:00"
-    assert vars(found.without_prior) == answer["without_prior"]
+    assert to_json(found.without_prior) == answer["without_prior"]
     assert [row.estimate for row in found.offsets] == [
         row["estimate"] for row in answer["parameters"] if row["group"] == "offset"
     ]
@@ -150,7 +151,7 @@ def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path)
         (lambda own: own["inputs"].update(robot=None), "inputs.robot"),
         (lambda own: own["without_prior"]["covariance"][0].pop(), "inhomogeneous"),
         (lambda own: own["without_prior"].update(covariance=[[0.0] * 5] * 5), "covariance"),
-        (lambda own: own["parameters"][1].update(std=0.0), "is empty"),
+        (lambda own: own["parameters"][1].update(std=0.0), "has an empty std"),
         (lambda own: own["accuracy"].update(sensitivity_mm2=[[1.0]]), "sensitivity_mm2"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("serial"), "--serial"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("when"), "--when"),

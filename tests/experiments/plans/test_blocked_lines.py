@@ -14,9 +14,12 @@ from command_line import zerobeam
 from plan_requests import plan_request
 from ruamel.yaml import YAML
 
+from zerobeam.analysis.acceptance.acceptance import choose
+from zerobeam.analysis.diagnostics.enter import values_to_enter
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.aim import AimedPlan, aim_plan
 from zerobeam.experiments.plans.candidates import candidates
-from zerobeam.experiments.plans.constraints import check_plan, require_constraints, violations
+from zerobeam.experiments.plans.constraints import check_plan, clear_postures, require_constraints, violations
 from zerobeam.experiments.plans.make import PlanRequest, make_plan
 from zerobeam.experiments.plans.new_calibration import PLACES, new_calibration, place_of
 from zerobeam.experiments.plans.obstacles import Clearance, Obstacles
@@ -26,6 +29,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.robot_file import built_in_robots, load_robot
+from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.verdict import check_notes
@@ -257,3 +261,34 @@ def test_an_uncalibrated_laser_is_judged_by_its_nominal_beam() -> None:
     target = (900.0, 0.0, 0.0)
     pool = candidates(header(OPEN_LASER, target=target), irb1600(), np.array(target), 50, seed=1)
     assert min(nearest(aim_plan(plan_of(header(target=target), pool.postures)), 68.25)) > 68
+
+
+def test_what_to_do_about_blocked_postures_has_a_command_that_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edited(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    said = " ".join(zerobeam("check", "plan.yaml").out.split())
+    todo = (
+        "To do: Change or remove postures 3, 10 and 18 (the plan's first posture is 0), or make another plan."
+    )
+    assert todo in said
+    command = "zerobeam plan optimal --header plan.yaml --shots 19 -o new-plan.yaml"
+    assert command in said
+    made = zerobeam(*command.split()[1:], "--candidates", "200")
+    assert made.status == 0, made.err
+    assert violations(aim_plan(read_plan(tmp_path / "new-plan.yaml"))) == ()
+
+
+def test_a_verification_has_no_posture_that_the_arm_blocks(tmp_path: Path) -> None:
+    """A rehearsal measures at blocked postures too; a plan that moves a robot takes none of them again."""
+    run = tmp_path / "run.jsonl"
+    answer = zerobeam("run", edited(tmp_path), "-o", run, "--no-camera", "--seed", "1")
+    assert run.is_file(), answer.err
+    recorded = read_run(run)
+    solution = solve_run(Problem.from_run(recorded), recorded.header)
+    free = clear_postures(solution.problem, solution.fit.x, recorded.header)
+    assert {*np.flatnonzero(~free).tolist()} == set(BLOCKED)
+    tolerance = {"deg": 0.1, "mm": 1.0}
+    plan = choose(solution, values_to_enter(solution), tolerance, 16, free)
+    assert not {*plan.rows} & set(BLOCKED)

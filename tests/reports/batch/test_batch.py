@@ -10,7 +10,7 @@ from cells import exact_copy
 from command_line import zerobeam
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.batch import Batch, BatchDocument, BatchOffset, BatchRow, BatchSettings
+from zerobeam.experiments.batch import Batch, BatchOffset, BatchRow, BatchSettings
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
@@ -121,7 +121,7 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
     assert len(solved) == 3
     again = carried(runs)
     assert len(solved) == 3
-    assert BatchDocument.of(again) == BatchDocument.of(first)
+    assert to_json(again) == to_json(first)
     # A file that changed, and a result that somebody removed.
     shutil.copy(UNCALIBRATED, runs / "monday" / "arm.jsonl")
     shutil.rmtree(runs / "out" / "pattern")

@@ -14,11 +14,12 @@ from arms_over_years import FIRST, arm_history, over_years
 from pages import Page
 
 from zerobeam.analysis.answer.message import May
-from zerobeam.experiments.history.arm_drift import NOT_SOON
+from zerobeam.experiments.history.arm_drift import NOT_SOON, Due
+from zerobeam.experiments.history.documents import STATES, ArmState, State
 from zerobeam.experiments.history.fleet_drift import fleet_drift
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history import history_folder
-from zerobeam.reports.history.arm_page import STATES, ArmHistory, ArmState, State
+from zerobeam.reports.history.arm_page import ArmHistory
 from zerobeam.reports.history.drift_text import fleet_blocks
 from zerobeam.reports.history.fleet_page import (
     MOST_ROWS,
@@ -39,7 +40,19 @@ Arm = tuple[str, str]
 
 
 def row(serial: str, state: State = "on schedule", due: datetime | None = None, reason: str = "") -> ArmState:
-    return ArmState(serial, "irb1600", 3, 3, FIRST, "pass", PASSED, 0, None, 0.5, due, reason, state)
+    return ArmState(
+        serial=serial,
+        model="irb1600",
+        state=state,
+        results=3,
+        counted=3,
+        last=FIRST,
+        verdict="pass",
+        judged=PASSED,
+        jumps=0,
+        clearest=None,
+        next_due=Due(0.5, due, reason),
+    )
 
 
 def fleet(*rows: ArmState) -> Fleet:

@@ -29,7 +29,7 @@ from zerobeam.reports.repeatability.comparison_folder import write_comparison
 from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison, runs_picture
 from zerobeam.reports.style import blocks
 from zerobeam.reports.style.canvas import Picture
-from zerobeam.words.comparison_json import ComparisonDocument
+from zerobeam.words.sentences import to_json
 
 
 @functools.cache
@@ -150,7 +150,7 @@ def test_the_folder(tmp_path: Path) -> None:
     told, folder = answer(odd=0.2), tmp_path / "out"
     for name in (str(folder), folder):
         paths = write_comparison(name, told)
-    assert json.loads(paths.compare.read_text(encoding="utf-8")) == ComparisonDocument.of(told).to_json()
+    assert json.loads(paths.compare.read_text(encoding="utf-8")) == to_json(told)
     rows = list(csv.DictReader(io.StringIO(paths.table.read_text(encoding="utf-8"))))
     assert len(rows) == 15
     assert float(rows[4]["estimate"]) == told.runs[4].offsets[0].estimate

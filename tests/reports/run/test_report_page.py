@@ -25,9 +25,9 @@ from study_text import texts_of
 
 from zerobeam.analysis.answer.findings import HeldOutMisfit
 from zerobeam.analysis.answer.result import Result
-from zerobeam.analysis.diagnostics.outliers import RobustParameter
 from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.posterior.intervals import Intervals
+from zerobeam.analysis.row import ParameterRow
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Section, Table
@@ -300,7 +300,7 @@ def test_neither_a_robust_fit_nor_an_interval_tells_what_the_data_do_not() -> No
     assert row_of(table(section(hostile(), "Robust fit")), "J2 (δ2)") == NOT_DETERMINED
     ends = (FORBIDDEN - 0.002, FORBIDDEN + 0.002)
     with pytest.raises(UnsoundResult, match="delta2"):
-        RobustParameter("delta2", "deg", "unidentifiable", FORBIDDEN, 0.001, ends)
+        ParameterRow("delta2", "deg", "unidentifiable", FORBIDDEN, 0.001, ends)
     with pytest.raises(UnsoundResult, match="delta2"):
         Intervals("delta2", "deg", "unidentifiable", ends, None, None, True)
     assert f"{abs(FORBIDDEN):.2f}" not in everything(hostile())

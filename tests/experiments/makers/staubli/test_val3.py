@@ -174,3 +174,14 @@ def test_damaged_recordings_are_refused_or_have_the_same_joints(tmp_path: Path) 
     text = recorded((tmp_path / "zb_plan.dtx").read_text(), r'"zb_m\d+" .* j2="')
     lines = {int(number): line for number, line in lines_of(text, r'<Data name="zb_m(\d+)"').items()}
     assert 100 < refused(joints_read("val3", plan, tmp_path / "saved.dtx"), text, lines, 200, 6) < 200
+
+
+@pytest.mark.parametrize("namespace", ["ProgramNameSpace", "DataNameSpace"])
+def test_an_application_of_s6_is_refused_by_its_name(tmp_path: Path, namespace: str) -> None:
+    """Its files have other elements, which were "not understood" one by one."""
+    older = f'<?xml version="1.0"?>\n<programList xmlns="{namespace}"><program name="a"/></programList>\n'
+    job = controller.in_files(tmp_path / "job", WHOLE)
+    job.with_name("old.pgx").write_text(older)
+    with pytest.raises(BadInput, match="of VAL3 s6") as refused:
+        corrected_program(ROBOT, judged(ROBOT), job, job.with_name("new" + job.suffix))
+    assert refused.value.found == f'xmlns="{namespace}"'
