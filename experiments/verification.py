@@ -21,6 +21,7 @@ from ..analysis.diagnostics.enter import values_to_enter
 from ..analysis.diagnostics.predicted_run import recorded_problem
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.prediction import Predictor
+from ..analysis.same_arm import arm_difference
 from ..analysis.solution import Solution
 from ..model.arrays import Mask
 from ..model.errors import BadInput, located
@@ -179,9 +180,7 @@ def _require_of(run: Run, verified: Run) -> None:
             allowed=_called(kinds[0]),
             remedy="record the plan with the instruments of the calibration: its head is the header",
         )
-    if verified.robot.n != run.robot.n or not np.allclose(
-        [joint.fixed for joint in verified.robot.joints], [joint.fixed for joint in run.robot.joints]
-    ):
+    if arm_difference(run.robot, verified.robot) is not None:
         raise BadInput(
             "the two runs are of different robots, or one with a corrected robot file",
             found=verified.robot.name,

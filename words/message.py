@@ -589,7 +589,7 @@ def _mend(case: _Case) -> str:
             return "Check joint columns, signs, units, targets and geometry, then measure again."
 
 
-def _changed(at: ChangeAt | RunChange) -> str:
+def _changed(at: ChangeAt) -> str:
     return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
 
 

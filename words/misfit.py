@@ -178,7 +178,7 @@ def _by(moved: Displacement) -> str:
     return f" by {' and '.join(along)}" if along else ""
 
 
-def change_words(one: ChangeAt | RunChange) -> str:
+def change_words(one: ChangeAt) -> str:
     """What changed, when and by how much."""
     what = clipped(str(one.target)) if one.joint is None else f"the zero of J{one.joint}"
     amount = numbers.estimate(one.amount, one.std, numbers.unit_of(one.unit))

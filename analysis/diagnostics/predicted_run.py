@@ -15,16 +15,15 @@ from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header, StatedGeometry
 from ...model.files.run import Run
-from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
 from ..estimation.fit import fit_likelihood
 from ..prediction import PredictedAgainstMeasured, PredictedResiduals, Predictor
+from ..same_arm import Difference, arm_difference
 from ..solution import Solution
 
 UNKNOWN = 10.0  # times the noise of a measurement: a prediction with a larger u is none
 _TAKEN_UP = 1e-6  # of the noise: what is left of it at a target that its measurements only just determine
-_SAME = 1e-12
 # What may differ: which targets there are, what is made of the answer, and who measured.
 _FREE_TO_DIFFER = frozenset(
     {"schema", "robot", "prior", "targets", "distances", "angles"}
@@ -120,7 +119,11 @@ def require_predictable(run: Run, other: Run) -> None:
             remedy="hold out other measurements, or a placement of this run by its name",
             file=other.path,
         )
-    differing = [*_robots_differ(run.robot, other.robot), *_headers_differ(run.header, other.header)]
+    differing = _headers_differ(run.header, other.header)
+    if run.robot.conventions != other.robot.conventions:
+        differing.insert(0, ("convention of the robot", run.robot.conventions, other.robot.conventions))
+    if (difference := arm_difference(run.robot, other.robot)) is not None:
+        differing.insert(0, difference)
     if differing:
         key, mine, theirs = differing[0]
         raise BadInput(
@@ -132,39 +135,20 @@ def require_predictable(run: Run, other: Run) -> None:
         )
 
 
-def _robots_differ(one: Robot, other: Robot) -> list[tuple[str, object, object]]:
-    if one.name != other.name:
-        return [("robot", one.name, other.name)]
-    kinds = [[joint.kind for joint in arm.joints] for arm in (one, other)]
-    if kinds[0] != kinds[1]:
-        return [("robot", f"joints {', '.join(kinds[0])}", ", ".join(kinds[1]))]
-    fixed = [[*(joint.fixed for joint in arm.joints), arm.flange] for arm in (one, other)]
-    axes = [[joint.axis for joint in arm.joints] for arm in (one, other)]
-    for k, (mine, theirs) in enumerate(zip(*fixed, strict=True), start=1):
-        if not np.allclose(mine, theirs, rtol=_SAME, atol=_SAME):
-            link = "flange" if k > one.n else f"link before joint {k}"
-            return [("geometry of the robot", f"one {link}", "another")]
-    if not np.allclose(axes[0], axes[1], rtol=_SAME, atol=_SAME):
-        return [("geometry of the robot", "one direction of an axis", "another")]
-    if one.conventions != other.conventions:
-        return [("convention of the robot", one.conventions, other.conventions)]
-    return []
-
-
-def _headers_differ(one: Header, other: Header) -> list[tuple[str, object, object]]:
+def _headers_differ(one: Header, other: Header) -> list[Difference]:
     mine, theirs = (
         header.model_dump(mode="json", by_alias=True, exclude=set(_FREE_TO_DIFFER)) for header in (one, other)
     )
     return [_innermost(key, mine.get(key), theirs.get(key)) for key in mine if mine[key] != theirs.get(key)]
 
 
-def _innermost(key: str, mine: object, theirs: object) -> tuple[str, object, object]:
+def _innermost(key: str, mine: object, theirs: object) -> Difference:
     """The first key below `key` at which two values differ, with both."""
     if isinstance(mine, dict) and isinstance(theirs, dict):
         for below in dict.fromkeys([*mine, *theirs]):
             if mine.get(below) != theirs.get(below):
                 return _innermost(f"{key}.{below}", mine.get(below), theirs.get(below))
-    return key, "nothing" if mine is None else mine, "nothing" if theirs is None else theirs
+    return (key, "nothing" if mine is None else mine, "nothing" if theirs is None else theirs)
 
 
 def predict_run(solution: Solution, other: Run) -> PredictedRun:

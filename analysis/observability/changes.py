@@ -30,7 +30,8 @@ FEWEST = 2  # measurements before and after a change
 How = Literal["jump", "drift"]
 
 
-class ChangeAt(NamedTuple):
+@record
+class ChangeAt:
     """The zero of `joint` (from 1), or a `target`, jumped between two measurements or drifted from the first
     to the last of them (`after_shot`, `before_shot`), by `amount` with the standard uncertainty `std` (deg,
     mm)."""
@@ -46,21 +47,13 @@ class ChangeAt(NamedTuple):
 
 
 @record
-class RunChange:
+class RunChange(ChangeAt):
     """The clearest change of a run. `p_value` is that of one as clear among all that is tested;
     `elsewhere` are other joints, targets and ways that explain the residuals nearly as well (likelihood ratio
     within 20)."""
 
     kind: Literal["change"] = field(default="change", kw_only=True)
 
-    how: How
-    joint: int | None
-    target: str | None
-    after_shot: int
-    before_shot: int
-    amount: float
-    std: float
-    unit: str
     p_value: float
     elsewhere: Annotated[tuple[ChangeAt, ...], internal]
     sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
@@ -103,7 +96,9 @@ def _change(fit: Linearised) -> RunChange | None:
     if p_value >= SIGNIFICANT:
         return None
     near = tried[0].score - 2 * np.log(EXCLUDES)
-    return RunChange(*tried[0].of, p_value, tuple(row.of for row in tried[1:] if row.score > near))
+    return RunChange(
+        **vars(tried[0].of), p_value=p_value, elsewhere=tuple(row.of for row in tried[1:] if row.score > near)
+    )
 
 
 class _Tried(NamedTuple):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.arrays import Matrix, Progress
+from ...model.arrays import Progress
 from ...model.errors import BadInput, located
 from ...model.files.header import Header
 from ...model.files.run import Run, read_run
@@ -25,12 +25,11 @@ from ...model.parsing.validation import LARGEST
 from ..answer.findings import FileWarning, OtherBasins
 from ..estimation.threads import one_blas_thread
 from ..ladder import solve_run
+from ..same_arm import arm_difference
 from ..solution import Solution, require_noise_data, undecided_names
 from .prior_free import without_prior
 from .repeat import WHEN, Kind, Repeat, RunFinding, SharedDistances, SharedTolerances
 from .result_files import read_result
-
-_SAME = 1e-9  # relative: two descriptions of one arm
 
 
 def read_table(path: Path) -> Iterator[Repeat]:
@@ -269,16 +268,7 @@ def _refuse_twice(named: Sequence[tuple[str, str]]) -> None:
 
 
 def _require_same_arm(one: str, robot: Robot, other: str, another: Robot) -> None:
-    def numbers(arm: Robot) -> Matrix:
-        parts = [np.append(joint.fixed.ravel(), joint.axis) for joint in arm.joints]
-        return np.append(np.ravel(parts), arm.flange.ravel())
-
-    kinds = [[joint.kind for joint in arm.joints] for arm in (robot, another)]
-    if (
-        robot.name != another.name
-        or kinds[0] != kinds[1]
-        or not np.allclose(numbers(robot), numbers(another), rtol=_SAME, atol=_SAME)
-    ):
+    if arm_difference(robot, another) is not None:
         what = "names" if robot.name != another.name else "geometry"
         raise BadInput(
             "the runs are of different robots",

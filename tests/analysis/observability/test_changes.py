@@ -55,7 +55,7 @@ def test_a_jump_is_found_with_its_joint_its_place_and_its_size(plan: Plan) -> No
 def test_a_steady_drift_is_found(plan: Plan) -> None:
     found = run_change(*_at(solved(plan, course(plan, 5, 1.0, np.linspace(0, 1, 12)))))
     assert found is not None
-    drifts = [one for one in (found.at, *found.elsewhere) if one.how == "drift" and one.joint == 5]
+    drifts = [one for one in (found, *found.elsewhere) if one.how == "drift" and one.joint == 5]
     assert drifts
     assert drifts[0].amount == pytest.approx(1.0, abs=4 * drifts[0].std)
 

@@ -238,7 +238,7 @@ def noticed(case: Case, sessions: Sessions) -> str:
     carried = sessions(case.what)[-1].carried
     moved = carried.state.moved_target
     if moved is not None:
-        points = " or ".join(f"{p.after_shot} and {p.before_shot}" for p in (moved.at, *moved.elsewhere))
+        points = " or ".join(f"{p.after_shot} and {p.before_shot}" for p in (moved, *moved.elsewhere))
         told = f"a displacement between measurements {points}"
         return told if moved.alone is None else f"{told}, or measurement {moved.alone} off alone"
     return "nothing" if carried.state.consistent else "the residuals are larger than the noise"
