@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 EQUALLY_GOOD = float(np.log(1000.0))
 
 
-@record(needed=("name", "unit", "status", "estimate", "std", "interval95", "group"))
+@record(needed=("name", "unit", "status", "estimate", "std", "interval95", "group"), repr=False)
 class ParameterResult(ParameterRow):
     """One row of the answer. `tolerated`: the prior is a tolerance, of the arm or of a calibrated tool; `dof`
     are the effective degrees of freedom of `std`, infinite of known noise."""
