@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from ...analysis.observability.causes import Cause
-from ...analysis.observability.geometry import GeometryResult
+from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.status import UNVALIDATED, Status
 from ...model.errors import BadInput
 from ...model.likelihood.parameters import Group
 from ...words import numbers
-from ...words.geometry import (
+from ...words.geometry_words import (
     IF_IT_DEVIATES,
     SET_BY_TOLERANCES,
     OffsetRow,
@@ -57,7 +57,7 @@ NO_NUMBER = "—"
 UNVALIDATED_OFFSETS = f"Joint offsets, {UNVALIDATED}; not to be applied"
 
 
-class ParameterRow(Protocol):
+class ReportedParameter(Protocol):
     """A parameter of a result or of a check."""
 
     @property
@@ -83,7 +83,7 @@ def offsets_caption(statuses: Iterable[Status]) -> str:
     return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
 
 
-def noise_factors(parameters: Sequence[ParameterRow]) -> bool:
+def noise_factors(parameters: Sequence[ReportedParameter]) -> bool:
     """Whether joints and spot have factors of their own, that are estimated."""
     return any(row.group == "noise" and not row.held for row in parameters)
 
@@ -214,7 +214,7 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
     return [LegendEntry(key, key, text) for key, text in meaning.items() if key in present]
 
 
-def reasons(parameters: Sequence[ParameterRow]) -> list[LegendEntry]:
+def reasons(parameters: Sequence[ReportedParameter]) -> list[LegendEntry]:
     """Why parameters are held, weak or without an answer, or what they rest on; one reason once."""
     grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:
