@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
-from ...words.geometry import geometry_title
+from ...words.geometry_words import geometry_title
 from ...words.observability import combination_words, direction_kind, direction_remedy, rank_facts, reason
 from ...words.wording import NOT_DETERMINED, be, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 
 if TYPE_CHECKING:
-    from .parameters import JudgedParameter
+    from .parameter_section import JudgedParameter
 
 
 def unobservable_section(parameters: Sequence[JudgedParameter], facts: Identifiability) -> Section:

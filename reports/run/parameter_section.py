@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
-from ...analysis.observability.geometry import GeometryResult
+from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.status import UNVALIDATED, Status
 from ...model.errors import BadInput
 from ...model.likelihood.parameters import Group
 from ...words import numbers
-from ...words.geometry import (
+from ...words.geometry_words import (
     IF_IT_DEVIATES,
     SET_BY_TOLERANCES,
     OffsetRow,
