@@ -37,7 +37,13 @@ from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
-from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
+from .observability.geometry_result import (
+    GeometryResult,
+    Rung,
+    geometry_result,
+    link_columns,
+    tolerance_share,
+)
 from .observability.identifiability import Identifiability, Identified, identify, no_better_than
 from .observability.power import DetectionPower, powers
 from .observability.remedies import RemedySearch

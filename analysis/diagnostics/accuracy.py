@@ -35,7 +35,6 @@ from ...model.records import internal, it, record, worded
 from ..error_radius import radius95, radius95_about
 from ..observability.causes import Cause
 from ..solution import Solution
-from .enter import controller_arm, values_to_enter
 from .tcp_positions import (
     TcpSource,
     arm_covariance,
@@ -47,6 +46,7 @@ from .tcp_positions import (
     undetermined_offsets,
     within_limits,
 )
+from .values_to_enter import controller_arm, values_to_enter
 
 Grid = tuple[tuple[float | None, ...], ...]
 Counts = tuple[tuple[int, ...], ...]

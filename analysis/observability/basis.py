@@ -15,7 +15,7 @@ from ...model.instruments.kind import Assumption
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
 from ..status import Status, has_numbers
-from .geometry import GeometryResult, Tolerance
+from .geometry_result import GeometryResult, Tolerance
 
 _VARIANCE = 1e-12  # of a tolerance: what the data know better is not known by it
 

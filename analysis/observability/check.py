@@ -21,7 +21,7 @@ from ..status import Status, Verdict, has_numbers, require_no_more_than, verdict
 from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, Tried, cause_for
-from .geometry import GeometryResult, geometry_result, tolerance_share
+from .geometry_result import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import (
     Advice,

@@ -13,12 +13,12 @@ from collections.abc import Iterator
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..calibration import RobotCalibration
+from ..format_options import ProgramMotion
 from ..maker import one_line, require_vendor
 from ..plan_programs import (
     LOG,
     LOG_PLAN,
     PlanStep,
-    ProgramMotion,
     decimal,
     head_lines,
     listed,

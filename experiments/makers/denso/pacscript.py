@@ -18,19 +18,10 @@ from lark import Token, Tree
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import LineLanguage, Statement
 from ..maker import blanked, one_line
-from ..plan_programs import (
-    LOG,
-    LOG_PLAN,
-    ProgramMotion,
-    head_lines,
-    listed,
-    made_for,
-    percents,
-    short_hash,
-    steps_of,
-)
+from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
 
 _REMARK = r"'[^\n]*|(?i:\brem\b)[^\n]*"
 _LIST = re.compile(r"(?P<kind>[A-Za-z]?)\s*\(\s*(?P<values>[^()\n]*?(?:,[^()\n]*?){5,})\s*\)")

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, steps_of
+from ..plan_programs import decimal, head_lines, made_for, steps_of
 
 _AXES = 7
 _DIGITS = 12

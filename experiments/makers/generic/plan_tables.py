@@ -14,8 +14,9 @@ from ....model.files.plan import Plan
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
 from ....words import spreadsheet
+from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, head_lines, rounded
+from ..plan_programs import head_lines, rounded
 
 
 def csv_table(plan: Plan, motion: ProgramMotion) -> str:

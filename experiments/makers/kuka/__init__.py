@@ -12,7 +12,6 @@ from ..maker import (
     PointNames,
     ProgramFiles,
     Reader,
-    names_of,
     require_vendor,
 )
 
@@ -20,9 +19,9 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..plan_programs import ProgramMotion
+    from ..format_options import ProgramMotion
+    from ..import_jobs import Imported, ImportJob, TaughtPoint
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
     "Mastering sheet for KUKA (KRC). Master in ascending order, A1 before A2 and so on: the motor of A4",
@@ -65,7 +64,7 @@ def _read_krl(job: "ImportJob", points: PointNames = None) -> "Imported":
     """KUKA: axis positions (AXIS, E6AXIS) of a data list, taught or recorded by a plan's program."""
     from .krl_points import import_kuka
 
-    return import_kuka(job, points=names_of(points))
+    return import_kuka(job, points=points)
 
 
 def _krl() -> "Language":

@@ -1,0 +1,226 @@
+"""Runs that have not reached their end: what is recorded, and how to go on with them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from ....analysis.solution import Solution, so_far
+from ....experiments.makers.maker import makers
+from ....experiments.rigs.live.address import SCHEMES
+from ....model.errors import BadInput
+from ....model.files.plan import read_plan
+from ....model.files.run import Run, recorded
+from ....model.likelihood.problem import Problem
+from ....model.records import it, record
+from ....words.message import headline_so_far
+from ....words.provenance import SIMULATED
+from ....words.wording import person
+from ..folder import Folder
+from ..requests import end_point, noted
+from ..started_runs import StartedRuns
+
+_MOST = 20  # of its measurements after each of which u is said
+_MOST_RUNS = 5  # that are offered to be resumed
+_LARGEST = 2 * 10**6  # bytes of a run file that is read while somebody waits
+PLAN_HASH = "plan sha256"  # in the provenance of a run that was carried out
+_BY_HAND = "by hand"
+_ABB = "abb"
+
+
+@record(kw_only=True)
+class RecordedRun:
+    """A run file, and how to go on with it."""
+
+    file: str
+    origin: Annotated[str | bool | int | float | None, it("of its provenance")] = None
+    plan: Annotated[str | None, it("the plan that it was begun with, if it is here")] = None
+    postures: Annotated[int | None, it("of that plan")] = None
+    recorded: Annotated[Sequence[int], it("numbers of its measurements")] = ()
+    ended: Annotated[bool | None, it("null: not known")] = None
+    torn: Annotated[bool, it("its last line is cut off")] = False
+    resume: Annotated[list[str] | None, it("the command that goes on with it, without an address")]
+    controller: Annotated[
+        str | None, it("abb, or the protocol, of a controller whose address is to be stated again")
+    ] = None
+    why_not: Annotated[str | None, it("why there is none")]
+
+
+@record(kw_only=True)
+class CoursePoint:
+    """What the measurements so far determined after one of them."""
+
+    recorded: Annotated[int, it("how many measurements there were")]
+    std: Annotated[dict[str, float | None], it("of each offset, deg or mm; null: not determined")]
+    expanded: Annotated[dict[str, float | None], it("the same as U = k std")]
+
+
+@record(kw_only=True)
+class RunSoFar(RecordedRun):
+    """A run file, with what its measurements determine."""
+
+    std: Annotated[dict[str, float | None], it("of each offset, deg or mm; null: not determined")]
+    expanded: Annotated[dict[str, float | None], it("the same as U = k std")]
+    tolerance: Annotated[dict[str, float], it("up to which std an offset counts as identified")]
+    course: Annotated[list[CoursePoint], it("after each of the last measurements")]
+    residuals: Annotated[
+        dict[int, float], it("normalised residuals at the fit to all, by the number of the measurement")
+    ]
+    worst_std: float | None
+    headline: str | None
+    notes: list[str]
+
+
+@end_point("GET /api/run", "What a run file has so far, and how to go on with it.")
+def recording(folder: Folder, file: str) -> RunSoFar:
+    """What a run file has, what that determines, and how to go on with it."""
+    with noted() as notes:
+        run, facts = _read(folder, file)
+        states = _states(run)
+        state = states[-1][1] if states else None
+    return RunSoFar(
+        **vars(facts),
+        std={} if state is None else state.offset_std,
+        expanded={} if state is None else state.offset_expanded,
+        tolerance={} if state is None else state.offset_tolerance,
+        course=[
+            CoursePoint(recorded=count, std=so_far.offset_std, expanded=so_far.offset_expanded)
+            for count, so_far in states
+        ],
+        residuals={} if state is None else state.normalised_residuals,
+        worst_std=None if state is None else state.worst,
+        headline=None if state is None else headline_so_far(state, person),
+        notes=notes,
+    )
+
+
+@end_point("GET /api/unfinished", "Runs begun here that have not reached their end.")
+def unfinished(folder: Folder) -> list[RecordedRun]:
+    """The runs that the app began and that have not reached their end, the newest first, `_MOST_RUNS` at the
+    most; of one that cannot be read `why_not` alone."""
+    rows = []
+    with noted():
+        for name in StartedRuns(folder).unfinished()[:_MOST_RUNS]:
+            try:
+                rows.append(_read(folder, name)[1])
+            except BadInput as error:
+                rows.append(RecordedRun(file=name, resume=None, why_not=folder.without(str(error))))
+    return rows
+
+
+def _read(folder: Folder, name: str) -> tuple[Run, RecordedRun]:
+    """A run, and what is said of it without a fit."""
+    path = folder.file(name)
+    if path.stat().st_size > _LARGEST:
+        remedy = "use zerobeam analyse"
+        raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))
+    shown, started = folder.called(path), StartedRuns(folder)
+    run, torn = recorded(path.read_bytes(), path)
+    command, plan, why_not = _resume(folder, shown, run)
+    resume, controller = (None, None) if command is None else _without_address(command)
+    postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
+    done = [shot.shot for shot in run.shots]
+    ended: bool | None = started.ended(shown)
+    if not ended and postures is not None and set(range(postures)) <= set(done):
+        ended = True
+    elif not ended and started.command(shown) is None:
+        ended = None
+    return run, RecordedRun(
+        file=shown,
+        origin=run.header.provenance.get("origin"),
+        plan=plan,
+        postures=postures,
+        recorded=done,
+        ended=ended,
+        torn=torn is not None,
+        resume=resume,
+        controller=controller,
+        why_not=why_not,
+    )
+
+
+def _without_address(command: Sequence[str]) -> tuple[list[str], str | None]:
+    """A command without the address of a controller, and how the controller is reached. The folder may come
+    from anybody: a person states where the arm is that moves, and who gets its password."""
+    rig = next((word.removeprefix("--rig=") for word in command if word.startswith("--rig=")), "")
+    scheme, is_live, _ = rig.partition("://")
+    hidden = ("--host=", "--rig=") if is_live else ("--host=",)
+    words = [word for word in command if not word.startswith(hidden)]
+    return words, scheme if is_live or rig == _ABB else None
+
+
+def _states(run: Run) -> list[tuple[int, Solution]]:
+    """How many measurements there were and what they determined, the last `_MOST` times, all at the end."""
+    if not run.shots:
+        return []
+    problem = Problem.from_run(run)
+    count = problem.shots  # postures, of what several instruments read at one
+    first = max(1, count - _MOST + 1)
+    return [(k, so_far(problem.select(np.arange(k)))) for k in range(first, count + 1)]
+
+
+def _resume(folder: Folder, name: str, run: Run) -> tuple[list[str] | None, str | None, str | None]:
+    """The command that goes on with a run, its plan, or why there is none."""
+    provenance = run.header.provenance
+    plan = _of_hash(folder, "plan", provenance.get(PLAN_HASH))
+    if plan is None:
+        return None, None, "the plan that it was begun with is not in this folder, or has changed"
+    command = StartedRuns(folder).command(name)
+    if command is not None:
+        return [*command[:-1], plan], plan, None
+    words = ["run", "--resume", f"--out={name}"]
+    origin = provenance.get("origin")
+    if origin == _BY_HAND:
+        return [*words, "--rig=manual", plan], plan, None
+    if origin != SIMULATED:
+        return None, plan, "how its controller is reached is not in the run file: use zerobeam run --resume"
+    cell = provenance.get("cell sha256")
+    if cell is not None:
+        cell_file = _of_hash(folder, "cell", cell)
+        if cell_file is None:
+            return None, plan, "the cell file that it was begun with is not in this folder, or has changed"
+        words.append(f"--cell={cell_file}")
+    if provenance.get("camera") is False:
+        words.append("--no-camera")
+    return [*words, f"--seed={provenance.get('seed', 0)}", plan], plan, None
+
+
+def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
+    """The file of the folder of this kind and hash."""
+    for file in folder.files():
+        if file.kind == kind and file.bytes <= _LARGEST:
+            content = folder.inside(file.path).read_bytes()
+            if hashlib.sha256(content).hexdigest() == sha256:
+                return file.path
+    return None
+
+
+@record(kw_only=True)
+class LiveForm:
+    """A protocol by which joints are read from a controller: `run --rig SCHEME://HOST[:PORT]`."""
+
+    scheme: str
+    vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")]
+    maker: str
+    port: Annotated[int, it("the usual one")]
+    options: Annotated[list[str], it("names of what may be stated behind ?")]
+
+
+@end_point("GET /api/live", "Protocols by which joints are read from controllers.")
+def live(_: Folder) -> list[LiveForm]:
+    """The protocols of all makers' controllers."""
+    names = {maker.vendor: maker.name for maker in makers()}
+    return [
+        LiveForm(
+            scheme=name,
+            vendor=scheme.vendor,
+            maker=names[scheme.vendor] if scheme.vendor is not None else "ROS, any maker",
+            port=scheme.port,
+            options=list(scheme.options),
+        )
+        for name, scheme in SCHEMES.items()
+    ]

@@ -1,0 +1,276 @@
+"""Do the intervals and alarms of `history drift` hold? Arms with known drift and jumps, simulated and judged.
+
+Each arm has results at equal intervals with the covariance of a real plan, some without one of the offsets.
+Every other arm has one jump. The control ignores the correlation of the offsets of a result.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
+from ...analysis.drift.smoother import Observation, Series, series_of
+from ...analysis.estimation.threads import one_blas_thread
+from ...analysis.ladder import solve_run
+from ...analysis.repeatability.prior_free import offsets_without_prior
+from ...model.arrays import Matrix, Progress
+from ...model.files.header import EXACT
+from ...model.files.run import read_run
+from ...model.likelihood.kernel import compiled_at_once
+from ...model.likelihood.problem import Problem
+from ..demos import demo_runs
+from .answer import Share, StudyAnswer, held_share, share_interval
+from .cases import each_piece, heading_of
+
+_RESULTS, _QUARTER = 12, 0.25  # results of an arm, years between two
+_LOST = 0.1  # share of the results that do not determine the first offset
+_BETTER, _WORSE = 0.5, 2.0  # a result's standard uncertainties over those of the plan
+_SIZES = (2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # of a jump, in u of the plan
+_FALSE_ALARM = 0.001  # of a false alarm of each comparison of this study
+_SIZE = 5  # arms of a piece: a second or two of work
+
+
+@dataclass(frozen=True)
+class DriftSettings:
+    """How the study was carried out: `alarm` is the stated probability of a false alarm of an arm."""
+
+    arms: int
+    results: int
+    years_between: float
+    alarm: float
+    level: float
+    rate_median: float
+    rate_spread: float
+    chance: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Alarms:
+    """Arms without a jump, and those of them with an alarm; `p_uniform` of the p-values of single tests
+    (Kolmogorov and Smirnov)."""
+
+    arms: int
+    alarms: int
+    share: float
+    low: float
+    high: float
+    p_uniform: float
+    agrees: bool
+
+
+@dataclass(frozen=True)
+class Power:
+    """Jumps of one size, in standard uncertainties of the plan: how many were found at their offset and
+    interval; the 95 % binomial interval of the share."""
+
+    size_u: float
+    found: int
+    of: int
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriftStudy(StudyAnswer):
+    """The whole answer, of a random result of each arm. `intervals`: of a random combination of the offsets;
+    `along_axis`: of the combination that the plan determines worst (the first principal axis of its
+    correlations); `control`: of that one by the control."""
+
+    settings: DriftSettings
+    intervals: Share
+    along_axis: Share
+    control: Share
+    alarms: Alarms
+    power: tuple[Power, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Arm:
+    series: Series
+    true: Matrix  # (T, m)
+    jump: tuple[int, int, float] | None  # interval, offset, size in u
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Some arms by their numbers, and the plan by which all are measured."""
+
+    seed: int
+    numbers: tuple[int, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    covariance: Matrix
+
+
+@dataclass(frozen=True)
+class JudgedArm:
+    """Whether the intervals hold, and whether there was an alarm; of an arm without a jump one p-value, else
+    the size of the jump in u and whether it was found."""
+
+    held: bool
+    on_axis: bool
+    by_control: bool
+    alarmed: bool
+    p_value: float | None
+    size_u: float | None
+    found: bool
+
+
+@dataclass(frozen=True)
+class DriftPieceAnswer:
+    """The arms of a piece, judged."""
+
+    arms: tuple[JudgedArm, ...]
+
+
+def drift_study(
+    arms: int, seed: int, progress: Progress, *, store: Path | None = None, processes: int | None = None
+) -> DriftStudy:
+    """Simulate and judge so many arms. With a `store` the answer of each piece (some arms) is kept in that
+    file at once, and a study that was stopped goes on from there."""
+    began = time.monotonic()
+    judged = _judged(arms, seed, progress, store, processes)
+    intervals, along_axis, control = (
+        held_share(sum(getattr(arm, name) for arm in judged), arms, LEVEL, _FALSE_ALARM)
+        for name in ("held", "on_axis", "by_control")
+    )
+    still = [arm for arm in judged if arm.p_value is not None]
+    quiet, alarmed = len(still), sum(arm.alarmed for arm in still)
+    low, high = share_interval(alarmed, quiet)
+    p_uniform = float(stats.kstest([arm.p_value for arm in still], "uniform").pvalue)
+    too_many = stats.binomtest(alarmed, quiet, ALARM, alternative="greater").pvalue < _FALSE_ALARM
+    agreeing = bool(not too_many and p_uniform >= _FALSE_ALARM)
+    alarms = Alarms(quiet, alarmed, alarmed / quiet, low, high, p_uniform, agreeing)
+    hold = intervals.agrees and along_axis.agrees
+    detections = {size: [arm.found for arm in judged if arm.size_u == size] for size in _SIZES}
+    return DriftStudy(
+        study="drift",
+        title="Do intervals and alarms of a drift hold?",
+        headline=_headline(hold, alarms, control),
+        agrees=hold and alarms.agrees and not control.agrees,
+        seconds=time.monotonic() - began,
+        notes=(),
+        settings=DriftSettings(arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _FALSE_ALARM, seed),
+        intervals=intervals,
+        along_axis=along_axis,
+        control=control,
+        alarms=alarms,
+        power=tuple(_power(size, detected) for size, detected in detections.items() if detected),
+    )
+
+
+def _judged(
+    arms: int, seed: int, progress: Progress, store: Path | None, processes: int | None
+) -> list[JudgedArm]:
+    with one_blas_thread(), compiled_at_once():
+        names, units, covariance = _plan()
+    heading = heading_of("drift", seed, arms=arms, piece=_SIZE)
+    pieces = [
+        _Piece(seed, tuple(range(first, min(first + _SIZE, arms))), names, units, covariance)
+        for first in range(0, arms, _SIZE)
+    ]
+    return [
+        arm
+        for answer in each_piece(store, heading, DriftPieceAnswer, _answer_of, pieces, progress, processes)
+        for arm in answer.arms
+    ]
+
+
+def _answer_of(piece: _Piece) -> DriftPieceAnswer:
+    axis = _principal_axis(piece.covariance)
+    return DriftPieceAnswer(tuple(_judged_arm(piece, number, axis) for number in piece.numbers))
+
+
+def _judged_arm(piece: _Piece, number: int, axis: Matrix) -> JudgedArm:
+    names, random = piece.names, np.random.default_rng([piece.seed, number])
+    arm = _simulated(random, names, piece.units, piece.covariance, number)
+    judged, control = drift(arm.series, seed=number), drift(_uncorrelated(arm.series), seed=number)
+    t, along = int(random.integers(_RESULTS)), random.normal(size=len(names))
+    held = (
+        _holds(judged, t, along, arm.true[t]),
+        _holds(judged, t, axis, arm.true[t]),
+        _holds(control, t, axis, arm.true[t]),
+    )
+    if arm.jump is None:
+        p_value = float(random.choice(judged.p_first[np.isfinite(judged.p_first)]))
+        return JudgedArm(*held, bool(judged.jumps), p_value, None, False)
+    after, joint, size = arm.jump
+    detected = any((one.after, one.offset) == (after, names[joint]) for one in judged.jumps)
+    return JudgedArm(*held, bool(judged.jumps), None, size, detected)
+
+
+def _headline(hold: bool, alarms: Alarms, control: Share) -> str:
+    held = "hold" if hold else "do not hold"
+    rate = "at most as often as stated" if alarms.agrees else "not as stated"
+    other = "is found wrong" if not control.agrees else "is not found wrong"
+    return f"The intervals {held}, false alarms are {rate}; the control without correlations {other}."
+
+
+def _power(size: float, detected: list[bool]) -> Power:
+    count, of = sum(detected), len(detected)
+    return Power(size, count, of, count / of, *share_interval(count, of))
+
+
+def _plan() -> tuple[tuple[str, ...], tuple[str, ...], Matrix]:
+    """Offsets of the demo's good run with their whole covariance, by the noise alone: of an exact arm."""
+    run = read_run(next(demo.path for demo in demo_runs() if demo.name == "good"))
+    exact = run.header.model_copy(update={"geometry": EXACT})
+    alone = offsets_without_prior(solve_run(Problem.from_run(replace(run, header=exact)), exact))
+    assert alone is not None
+    return alone.names, alone.units, np.array(alone.covariance)
+
+
+def _principal_axis(covariance: Matrix) -> Matrix:
+    """(m,) the combination of the offsets, each over its u, with the largest variance."""
+    std = np.sqrt(np.diag(covariance))
+    _, axes = np.linalg.eigh(covariance / np.outer(std, std))
+    return np.asarray(axes[:, -1] / std)
+
+
+def _simulated(
+    random: np.random.Generator,
+    names: tuple[str, ...],
+    units: tuple[str, ...],
+    covariance: Matrix,
+    number: int,
+) -> _Arm:
+    size = len(names)
+    rates = MEDIAN * np.exp(SPREAD * random.normal(size=size))
+    steps = random.normal(size=(_RESULTS - 1, size)) * rates * np.sqrt(_QUARTER)
+    true = np.cumsum(np.vstack([random.normal(size=size), steps]), axis=0)
+    jump = None
+    if number % 2:
+        after, joint = int(random.integers(_RESULTS - 1)), int(random.integers(size))
+        jump = after, joint, _SIZES[number // 2 % len(_SIZES)]
+        true[after + 1 :, joint] += jump[2] * np.sqrt(covariance[joint, joint])
+    observations = []
+    for t in range(_RESULTS):
+        scaled = covariance * random.uniform(_BETTER, _WORSE) ** 2
+        values = random.multivariate_normal(true[t], scaled)
+        kept = np.arange(int(random.random() < _LOST), size)
+        named = tuple(names[i] for i in kept)
+        part = scaled[np.ix_(kept, kept)]
+        observations.append(Observation(t * _QUARTER, named, values[kept], part, np.zeros_like(part)))
+    return _Arm(series_of(observations, dict(zip(names, units, strict=True))), true, jump)
+
+
+def _uncorrelated(series: Series) -> Series:
+    """The control: every result with the variances of its offsets alone."""
+    return replace(
+        series,
+        observations=tuple(
+            replace(one, covariance=np.diag(np.diag(one.covariance))) for one in series.observations
+        ),
+    )
+
+
+def _holds(judged: Drift, t: int, along: Matrix, true: Matrix) -> bool:
+    low, high = judged.interval(t, along)
+    return bool(low <= along @ true <= high)

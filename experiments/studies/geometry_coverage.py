@@ -1,0 +1,529 @@
+"""Do the intervals hold if the arm deviates from nominal geometry? Random arms, solved in several ways.
+
+Every simulated arm has offsets and links of its own, and measures a plan once, with noise. Its measurements
+are solved with the geometry estimated, and with nominal geometry: with the uncertainty of the consider
+analysis, and with that of the noise alone, which is the control that must fail. The fits and statuses are
+those of `analyse` (`fit_each`, `judge`). The plans are of the laser of the demo run, and of a probe with
+several targets.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from ...analysis.estimation.fit import fit_each, single
+from ...analysis.observability.check import Check, check
+from ...analysis.observability.geometry_result import considered
+from ...analysis.observability.identifiability import identify
+from ...analysis.solution import Solution, judge
+from ...analysis.status import Status, has_numbers, require_no_more_than
+from ...model.arrays import NORMAL_95, Mask, Matrix, Progress
+from ...model.files.from_arrays import Probe
+from ...model.files.header import EXACT, Header
+from ...model.files.plan import Plan
+from ...model.kinematics.robot import Robot
+from ...model.likelihood.geometry import NOMINAL
+from ...model.likelihood.parameters import Parameter
+from ...model.likelihood.problem import Problem
+from ...words.wording import label, listed
+from ..plans.candidates import Planned, candidates
+from ..plans.optimal import Planner, Proposal
+from .answer import (
+    ErrorStatistics,
+    NoiseLevel,
+    ParameterWithShare,
+    StudyAnswer,
+    accuracy,
+    agreement_words,
+    held_share,
+    require_sound,
+)
+from .cases import each_piece, heading_of
+from .data_sets import DataSets, drawn
+from .laser_plans import laser_header, planner, robot_of
+
+EstimatorName = Literal["freed", "considered", "nominal", "tolerances understated by 3"]
+ChosenFor = Literal["nominal", "freed"]
+
+MEASUREMENTS = (7, 12, 20, 40)
+CLOSE_MEASUREMENTS = (7, 12)
+CANDIDATES = 10_000  # as `zerobeam plan optimal`
+_SOCKETS_APART_MM, _PER_SOCKET = 50.0, 10
+_PLACEMENTS = {"front": (500.0, 0.0, 100.0), "left": (300.0, 450.0, 250.0), "right": (350.0, -400.0, 20.0)}
+_TIP_MM = 2.0  # of a free tip from where the header has it: far less than its prior
+_LEVEL = 0.95
+_ALARM = 0.01  # probability of a false alarm over the offsets of an estimator
+_OFFSET_DEG = 1.0  # of the simulated arms
+_UNDERSTATED = 3.0
+_WORDS: dict[EstimatorName, str] = {
+    "freed": "geometry estimated, its tolerances as priors",
+    "considered": "nominal geometry, its uncertainty by the consider analysis",
+    "nominal": "control: nominal geometry, its uncertainty by the noise alone",
+    "tolerances understated by 3": "control: geometry estimated, its tolerances stated as a third",
+}
+_CONTROLS: tuple[EstimatorName, ...] = ("nominal", "tolerances understated by 3")
+
+
+@dataclass(frozen=True)
+class GeometryParameter(ParameterWithShare):
+    """An offset by one estimator over many arms.
+
+    `z` is the root mean square of its errors in standard uncertainties, with the 95 % interval `z_low` to
+    `z_high` (chi-squared); `checked_std` the prediction of `check` for the plan.
+    """
+
+    z: float | None = None
+    z_low: float | None = None
+    z_high: float | None = None
+    checked_std: float | None = None
+
+
+@dataclass(frozen=True)
+class GeometryEstimator:
+    """One way to treat the geometry, on a plan; `converged` counts the arms with a fit, `misfit`
+    those whose answer says that the model does not describe the measurements.
+
+    Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
+    """
+
+    name: EstimatorName
+    words: str
+    control: bool
+    agrees: bool
+    converged: int
+    misfit: int
+    sentence: str
+    parameters: tuple[GeometryParameter, ...]
+
+    def __post_init__(self) -> None:
+        require_sound(self.name, self.control, self.parameters)
+        for row in () if self.control else self.parameters:
+            bounds = {"z_low": row.z_low, "z_high": row.z_high}
+            require_no_more_than(
+                f"{row.name} of {self.name}", row.status, z=row.z, checked_std=row.checked_std, **bounds
+            )
+
+
+@dataclass(frozen=True)
+class ToleranceLevel:
+    """The tolerances of all links: one standard deviation of the simulated arms."""
+
+    length_mm: float
+    angle_deg: float
+
+
+@dataclass(frozen=True)
+class CheckedOffset:
+    """The u that `check` predicts for one offset, None where the plan does not determine it: with nominal
+    geometry and an arm of nominal geometry (`noise_only`), with nominal geometry and an arm that has the
+    tolerances (`considered`), with the geometry estimated (`freed`)."""
+
+    name: str
+    unit: str
+    noise_only: float | None
+    considered: float | None
+    freed: float | None
+
+
+@dataclass(frozen=True)
+class GeometryPlan:
+    """One plan: `chosen_for` the geometry that it was made for, None where it was not chosen; `failed` counts
+    arms drawn again because they cannot hit the target."""
+
+    name: str
+    words: str
+    chosen_for: ChosenFor | None
+    robot: str
+    shots: int
+    noise: NoiseLevel
+    tolerance: ToleranceLevel
+    arms: int
+    failed: int
+    efficiency: float | None
+    checked: tuple[CheckedOffset, ...]
+    estimators: tuple[GeometryEstimator, ...]
+
+
+@dataclass(frozen=True)
+class GeometrySettings:
+    """How the study was carried out; `chance` is the probability of a false alarm over the
+    offsets of an estimator."""
+
+    arms: int
+    seed: int
+    level: float
+    chance: float
+    candidates: int
+    offset_deg: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeometryStudy(StudyAnswer):
+    """The whole answer."""
+
+    settings: GeometrySettings
+    plans: tuple[GeometryPlan, ...]
+
+
+TYPICAL, CLOSE = ToleranceLevel(0.3, 0.1), ToleranceLevel(0.1, 0.03)
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryPlanStudied:
+    """A plan with `geometry` in its header; `proposal` as `plan optimal` made it, None where it did not."""
+
+    name: str
+    words: str
+    plan: Plan
+    tolerance: ToleranceLevel
+    chosen_for: ChosenFor | None = None
+    proposal: Proposal | None = None
+
+
+def with_tolerance(header: Header, tolerance: ToleranceLevel | None) -> Header:
+    """The header with link geometry as uncertain as that, without gravity and harmonics; exact for None."""
+    content = header.model_dump(by_alias=True, exclude_none=True, exclude_unset=True)
+    content["geometry"] = EXACT
+    if tolerance is not None:
+        sizes = {"length_mm": tolerance.length_mm, "angle_deg": tolerance.angle_deg}
+        content["geometry"] = {"tolerance": sizes, "gravity": False, "harmonics": False}
+    return Header.model_validate(content)
+
+
+@lru_cache(maxsize=1)
+def studied_plans(seed: int, count: int = CANDIDATES) -> list[Callable[[], GeometryPlanStudied]]:
+    """Makers of the plans of the study: choosing the plans takes as long as the arms do.
+
+    The candidates of the last study are kept: every piece is one of its plans."""
+    nominal_header = laser_header(0.01, 0.05)
+    robot = robot_of(nominal_header)
+
+    @cache
+    def planner_for(chosen_for: ChosenFor) -> Planner:
+        return planner(
+            with_tolerance(nominal_header, TYPICAL if chosen_for == "freed" else None), count, seed
+        )
+
+    @cache
+    def proposed(measurements: int, chosen_for: ChosenFor) -> Proposal:
+        return planner_for(chosen_for).optimal(measurements, seed=seed)
+
+    def laser(measurements: int, chosen_for: ChosenFor, tolerance: ToleranceLevel) -> GeometryPlanStudied:
+        proposal = proposed(measurements, chosen_for)
+        close = "" if tolerance == TYPICAL else ", close tolerances"
+        header = with_tolerance(nominal_header, tolerance)
+        return GeometryPlanStudied(
+            f"{measurements}, {chosen_for}{close}",
+            f"laser, {measurements} A-optimal measurements of {count} postures, chosen for"
+            f" {'nominal' if chosen_for == 'nominal' else 'uncertain'} geometry",
+            _plan(header, robot, proposal.postures, ["psd"] * measurements),
+            tolerance,
+            chosen_for,
+            proposal,
+        )
+
+    chosen: tuple[ChosenFor, ...] = ("nominal", "freed")
+    cases = [(measurements, geometry, TYPICAL) for geometry in chosen for measurements in MEASUREMENTS]
+    cases += [(measurements, "nominal", CLOSE) for measurements in CLOSE_MEASUREMENTS]
+    return [*((lambda case=case: laser(*case)) for case in cases), lambda: _probe(seed)]
+
+
+def _probe(seed: int) -> GeometryPlanStudied:
+    """Pairs of sockets at a stated distance, each met from random postures; the tip is free."""
+    targets, distances = {}, []
+    for name, (x, y, z) in _PLACEMENTS.items():
+        for k in range(2):
+            targets[f"{name}_{k}"] = {"guess_mm": [x + k * _SOCKETS_APART_MM, y, z], "sigma_mm": 30.0}
+        between = [f"{name}_0", f"{name}_1"]
+        distances.append({"between": between, "mm": _SOCKETS_APART_MM, "sigma_mm": 0.1})
+    content = {
+        "robot": "panda",
+        "tool": Probe(point_mm=(0, 0, 130), calibrated=False).content(),
+        "noise": {"joint_deg": 0.01, "spot_mm": 0.1},
+        "targets": targets,
+        "geometry": EXACT,
+    }
+    header = Header.model_validate(content)
+    robot = robot_of(header)
+    postures, names = [], []
+    for k, (name, target) in enumerate(targets.items()):
+        at = np.array(target["guess_mm"])
+        measured = Planned(header.labels[0], target=name)
+        random_postures = candidates(header, robot, at, _PER_SOCKET, seed=seed + k, planned=measured).postures
+        postures.append(random_postures)
+        names += [name] * len(random_postures)
+    with_distances = Header.model_validate({**content, "distances": distances})
+    return GeometryPlanStudied(
+        "sockets",
+        f"probe with a free tip, {len(_PLACEMENTS)} pairs of sockets, {_PER_SOCKET} random postures at each",
+        _plan(with_tolerance(with_distances, TYPICAL), robot, np.concatenate(postures), names),
+        TYPICAL,
+    )
+
+
+def _plan(header: Header, robot: Robot, postures: Matrix, targets: list[str]) -> Plan:
+    return Plan.of_postures(header, robot, np.round(postures * robot.display, 6), targets, "study")
+
+
+Weigh = Callable[[Solution, Problem], Matrix]  # the std (p,) stated with a solution, internal units
+
+
+@dataclass(frozen=True, eq=False)
+class ArmErrors:
+    """The answers of W arms for m offsets: `error` (estimate minus truth) and `std` (W, m), deg or mm, nan
+    where an arm's own answer does not determine it; `converged`, `misfit` (W,) of each answer."""
+
+    error: Matrix
+    std: Matrix
+    converged: Mask
+    misfit: Mask
+
+
+def arms(problem: Problem, count: int, offset_deg: float, rng: np.random.Generator) -> DataSets:
+    """So many arms with random offsets (and a free tip that is a little off), and links off by their
+    tolerances, each measured once."""
+    parameters = problem.parameters
+    spread = np.where(parameters.group("offset"), offset_deg / _display(problem), 0.0)
+    spread = np.where(parameters.group("tool"), np.minimum(parameters.prior_std, _TIP_MM), spread)
+    spread = np.where(parameters.group("geometry"), parameters.prior_std, spread)
+    return drawn(problem, count, rng, spread)
+
+
+def _stated_std(solution: Solution, whole: Problem) -> Matrix:
+    return solution.std
+
+
+def _considered_std(solution: Solution, whole: Problem) -> Matrix:
+    parameters = whole.parameters
+    x = parameters.with_values(parameters.prior_mean, solution.problem.parameters, solution.fit.x)
+    std = considered(whole, x)[~parameters.group("geometry")]
+    return np.where([has_numbers(status) for status in solution.status], std, np.nan)
+
+
+def _errors(data: DataSets, problem: Problem, weigh: Weigh) -> ArmErrors:
+    """By the fits of `problem`, with the stds that `weigh` has of them."""
+    fits = fit_each(problem, data.joints, data.spots)
+    at = np.flatnonzero(problem.parameters.group("offset") & problem.parameters.free)
+    std = np.full((len(fits.x), len(at)), np.nan)
+    misfit = np.zeros(len(fits.x), dtype=bool)
+    for row, (joints, spots) in enumerate(zip(data.joints, data.spots, strict=True)):
+        solution = judge(single(problem.moved(joints, spots), fits, row))
+        misfit[row] = solution.misfit is not None
+        std[row] = weigh(solution, data.problem.moved(joints, spots))[at]
+    display = _display(problem)[at]
+    error = (fits.x[:, at] - data.truths[:, at]) * display  # offsets come first, whatever the geometry
+    return ArmErrors(np.where(np.isnan(std), np.nan, error), std * display, fits.converged, misfit)
+
+
+def _display(problem: Problem) -> Matrix:
+    return np.array([item.display for item in problem.parameters.items])
+
+
+def geometry_study(
+    count: int,
+    seed: int,
+    progress: Progress,
+    *,
+    candidates: int = CANDIDATES,
+    store: Path | None = None,
+    processes: int | None = None,
+) -> GeometryStudy:
+    """Carry out the whole study with `count` arms for each plan.
+
+    It agrees if the intervals with estimated geometry and those of the consider analysis hold the truth as
+    often as stated on every plan, and every control is detected. With a `store` the answer of each plan is
+    kept in that file at once, and a study that was stopped goes on from there.
+    """
+    began = time.perf_counter()
+    heading = heading_of("geometry", seed, arms=count, candidates=candidates)
+    pieces = [(k, count, seed, candidates) for k in range(len(studied_plans(seed, candidates)))]
+    answers = each_piece(store, heading, GeometryPlan, _piece, pieces, progress, processes)
+    estimators = [estimator for answer in answers for estimator in answer.estimators]
+    return GeometryStudy(
+        study="geometry",
+        title="Do the intervals hold if the arm deviates from nominal geometry?",
+        headline=_headline(count, answers),
+        agrees=all(estimator.agrees is not estimator.control for estimator in estimators),
+        settings=GeometrySettings(
+            arms=count,
+            seed=seed,
+            level=_LEVEL,
+            chance=_ALARM,
+            candidates=candidates,
+            offset_deg=_OFFSET_DEG,
+        ),
+        seconds=time.perf_counter() - began,
+        plans=tuple(answers),
+        notes=(
+            f"Every arm has offsets of {_OFFSET_DEG:g}° (one standard deviation), links off by the stated"
+            " tolerances, and noise of its own. Gravity and harmonics are neither simulated nor estimated.",
+            "An interval is estimate ± 1.96 u, from the curvature at the mode. It counts where the arm's own"
+            " answer determines the offset; where that says misfit, its numbers count as well: the control"
+            " shows what they are worth.",
+            f"An estimator agrees if the p-value of none of its shares is below {_ALARM:.0%} over its"
+            " offsets together (exact binomial test, Bonferroni). The intervals shown are 95 % (Clopper and"
+            " Pearson).",
+            "z is the root mean square of the errors in standard uncertainties: 1 if u is right.",
+            "Tolerances are standard deviations of normal distributions, independent for each link"
+            " parameter. Where an arm's deviations are of another kind, nothing here applies.",
+        ),
+    )
+
+
+def _piece(job: tuple[int, int, int, int]) -> GeometryPlan:
+    k, count, seed, candidates = job
+    return answer_of(studied_plans(seed, candidates)[k](), count, seed)
+
+
+def answer_of(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
+    """One plan of the study."""
+    problem = Problem.from_plan(plan.plan)
+    checks = _checks(plan)
+    data = arms(problem, count, _OFFSET_DEG, np.random.default_rng([seed, *plan.name.encode()]))
+    closer = problem.with_geometry(problem.geometry.scaled(1 / _UNDERSTATED, 1 / _UNDERSTATED))
+    models: dict[EstimatorName, tuple[Problem, Weigh]] = {
+        "freed": (problem, _stated_std),
+        "considered": (problem.with_geometry(NOMINAL), _considered_std),
+        "nominal": (Problem.from_plan(_exact(plan.plan)), _stated_std),
+        "tolerances understated by 3": (closer, _stated_std),
+    }
+    return GeometryPlan(
+        name=plan.name,
+        words=plan.words,
+        chosen_for=plan.chosen_for,
+        robot=problem.robot.name,
+        shots=problem.shots,
+        noise=NoiseLevel.of_problem(problem),
+        tolerance=plan.tolerance,
+        arms=len(data.truths),
+        failed=data.failed,
+        efficiency=None if plan.proposal is None else plan.proposal.efficiency,
+        checked=checks,
+        estimators=tuple(
+            _estimator(name, _errors(data, model, weigh), model, checks)
+            for name, (model, weigh) in models.items()
+        ),
+    )
+
+
+def _exact(plan: Plan) -> Plan:
+    """The plan of an arm and a calibrated tool that are as stated."""
+    postures = plan.postures * plan.robot.display
+    return Plan.of_postures(with_tolerance(plan.header, None), plan.robot, postures, plan.targets, "study")
+
+
+def _checks(plan: GeometryPlanStudied) -> tuple[CheckedOffset, ...]:
+    """The prediction of `check` for the plan, of an uncertain arm and of an exact one."""
+    return tuple(_checked(check(plan.plan), check(_exact(plan.plan))))
+
+
+def _checked(with_key: Check, without: Check) -> Iterator[CheckedOffset]:
+    for row, plain in zip(with_key.parameters, without.parameters, strict=False):
+        if row.group == "offset" and not row.held:
+            if plain.name != row.name:
+                raise ValueError(f"{plain.name} is not {row.name}")
+            with_tolerances = with_key.geometry.consider.get(row.name) if has_numbers(plain.status) else None
+            yield CheckedOffset(row.name, row.unit, plain.std, with_tolerances, row.std)
+
+
+def _estimator(
+    name: EstimatorName, errors: ArmErrors, solved: Problem, checks: Sequence[CheckedOffset]
+) -> GeometryEstimator:
+    status = identify(solved, solved.nominal()).status
+    free = np.flatnonzero(solved.parameters.free & solved.parameters.group("offset"))
+    control = name in _CONTROLS
+    judged = [has_numbers(status[i]) for i in free]
+    alarm = _ALARM / max(sum(judged), 1)
+    rows = []
+    for j, (i, checked) in enumerate(zip(free, checks, strict=True)):
+        item = solved.parameters.items[i]
+        kept = errors.converged & np.isfinite(errors.std[:, j]) if judged[j] else np.zeros(0, dtype=bool)
+        rows.append(_parameter(name, item, status[i], errors, j, kept, checked, alarm))
+    agrees = all(share.agrees for row in rows for share in row.shares) and any(row.shares for row in rows)
+    converged, misfit = int(errors.converged.sum()), int(errors.misfit.sum())
+    return GeometryEstimator(
+        name=name,
+        words=_WORDS[name],
+        control=control,
+        agrees=agrees,
+        converged=converged,
+        misfit=misfit,
+        sentence=_sentence(rows, agrees, control, converged, misfit),
+        parameters=tuple(rows),
+    )
+
+
+def _parameter(
+    name: EstimatorName,
+    item: Parameter,
+    status: Status,
+    errors: ArmErrors,
+    j: int,
+    kept: Mask,
+    checked: CheckedOffset,
+    alarm: float,
+) -> GeometryParameter:
+    if kept.sum() < 2:
+        return GeometryParameter(item.name, item.unit, status, *ErrorStatistics())
+    error, std = errors.error[kept, j], errors.std[kept, j]
+    off = np.abs(error) / std
+    squares, count = float((off**2).sum()), len(off)
+    low, high = (float(np.sqrt(squares / stats.chi2.ppf(tail, count))) for tail in (0.975, 0.025))
+    predicted = {"freed": checked.freed, "considered": checked.considered, "nominal": checked.noise_only}
+    return GeometryParameter(
+        item.name,
+        item.unit,
+        status,
+        *accuracy(error, std),
+        coverage=held_share(int((off <= NORMAL_95).sum()), count, _LEVEL, alarm),
+        z=float(np.sqrt(squares / count)),
+        z_low=low,
+        z_high=high,
+        checked_std=predicted.get(name),
+    )
+
+
+def _sentence(
+    rows: Sequence[GeometryParameter], agrees: bool, control: bool, converged: int, misfit: int
+) -> str:
+    shares = [(row.name, row.coverage) for row in rows if row.coverage is not None]
+    zs = [row.z for row in rows if row.z is not None]
+    if not shares:
+        return "All offsets are unidentifiable"
+    name, worst = max(shares, key=lambda pair: abs(pair[1].share - _LEVEL))
+    text = (
+        f"{100 * _LEVEL:g} % intervals hold the truth in {100 * worst.share:.1f} % at the worst"
+        f" ({label(name)}), z {min(zs):.2f} to {max(zs):.2f}: "
+    )
+    return f"{text}{agreement_words(agrees, control)}. {misfit} of {converged} answers say misfit"
+
+
+def _headline(count: int, plans: Sequence[GeometryPlan]) -> str:
+    def of(name: EstimatorName) -> list[tuple[GeometryPlan, GeometryEstimator]]:
+        return [(plan, one) for plan in plans for one in plan.estimators if one.name == name]
+
+    def verdict(name: EstimatorName, words: str) -> str:
+        short = [plan.name for plan, estimator in of(name) if not estimator.agrees]
+        where = f" ({listed(short)})" if short else ""
+        return f"{words} {'do not hold' if short else 'hold'} the truth as often as stated{where}"
+
+    zs = [row.z for _, one in of("nominal") for row in one.parameters if row.z is not None]
+    controls = [f"{one.name} on {plan.name}" for name in _CONTROLS for plan, one in of(name) if one.agrees]
+    parts = [
+        f"Over {count} simulated arms of each plan, the 95 % intervals "
+        + verdict("freed", "with the geometry estimated")
+        + f"; {verdict('considered', 'those of the consider analysis')}.",
+        f"With nominal geometry and the noise alone errors are {min(zs):.1f} to {max(zs):.1f} u."
+        if zs
+        else "",
+        f"Not detected: {listed(controls)}." if controls else "Every control is detected.",
+    ]
+    return " ".join(part for part in parts if part)

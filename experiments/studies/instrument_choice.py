@@ -1,0 +1,261 @@
+"""Which instrument, and how many measurements? Plans of every setup, predicted.
+
+A setup is what a header states of instruments and targets, with the minutes that a measurement takes and a
+class of cost (`instruments.yaml`, or a file like it). For each number of measurements the best plan is
+chosen; what it leaves unknown of the offsets, and of the TCP, follows from its covariance.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, JsonValue
+
+from ...analysis.diagnostics.tcp_positions import (
+    arm_covariance,
+    moving_offsets,
+    spread_postures,
+    tool_point,
+    undetermined_offsets,
+    within_limits,
+)
+from ...analysis.estimation.threads import one_blas_thread
+from ...analysis.observability.identifiability import identify
+from ...analysis.observability.outlook import predicted_covariance
+from ...model.arrays import Matrix, Progress
+from ...model.errors import located
+from ...model.files.header import Header
+from ...model.files.robot_file import load_robot
+from ...model.instruments.kind import Measurement
+from ...model.kinematics.robot import Robot
+from ...model.likelihood.problem import Problem
+from ...model.parsing.validation import FileModel, Name, Positive, Vector, read_model, validate
+from ...words import numbers
+from ..plans.make import PlanRequest, candidate_pools, portions
+from ..plans.optimal import Planner, Proposal
+from ..plans.plan_options import Portion
+from .answer import StudyAnswer
+from .cases import each_piece, heading_of
+
+BUILT_IN = Path(__file__).with_name("instruments.yaml")
+_CANDIDATES = 600
+_TCP_POSTURES = 512
+
+Count = Annotated[int, Field(ge=1, le=1000)]
+
+
+class StatedPart(FileModel):
+    """What an instrument does in a setup."""
+
+    share: Count = Field(default=1, description="its measurements for one of another with the share 1")
+    minutes: Positive = Field(description="what a measurement takes, minutes")
+
+
+class StatedSetup(FileModel):
+    """Instruments and targets that are bought and used together."""
+
+    name: Name = Field(description="what the study calls it")
+    cost: Annotated[int, Field(ge=1, le=4)] = Field(description="class of its cost, 1 the cheapest")
+    measure: Annotated[dict[Name, StatedPart], Field(min_length=1)] = Field(
+        description="each instrument by its name in the header (`tool` for that of the key tool)"
+    )
+    header: dict[Name, JsonValue] = Field(description="keys of a header besides robot and noise.joint_deg")
+
+
+class SetupsFile(FileModel):
+    """Setups that are compared on one robot."""
+
+    schema_: Literal["zerobeam/setups/1"] = Field(alias="schema", description="kind and version of the file")
+    robot: str = Field(description="as in a header")
+    joint_deg: Positive = Field(description="noise of the joints, degrees")
+    tcp_mm: Vector = Field(description="the TCP in the flange frame, millimetres")
+    measurements: Annotated[list[Count], Field(min_length=1)] = Field(description="numbers of measurements")
+    setups: Annotated[list[StatedSetup], Field(min_length=1)] = Field(description="what is compared")
+
+
+@dataclass(frozen=True)
+class SetupPlan:
+    """The best plan of so many `measurements`, by instrument: it takes `minutes`, travel included.
+
+    `worst_u` is the largest standard uncertainty of an offset that is not held, deg (mm), `worst` its name;
+    `tcp_mm` the expected error of the TCP over the workspace where the whole estimate is used, rms. There is
+    neither where an offset that it depends on is not determined: `undetermined` names those.
+    """
+
+    measurements: int
+    by_instrument: dict[str, int]
+    minutes: float
+    worst_u: float | None
+    worst: str | None
+    tcp_mm: float | None
+    undetermined: tuple[str, ...]
+    efficiency: float
+
+
+@dataclass(frozen=True)
+class SetupCase:
+    """A setup with its plans, and the class of its cost."""
+
+    name: str
+    cost: int
+    plans: tuple[SetupPlan, ...]
+
+
+@dataclass(frozen=True)
+class InstrumentsSettings:
+    """How the study was carried out."""
+
+    robot: str
+    joint_deg: float
+    tcp_mm: tuple[float, float, float]
+    measurements: tuple[int, ...]
+    candidates: int
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstrumentsStudy(StudyAnswer):
+    """The whole answer."""
+
+    settings: InstrumentsSettings
+    setups: tuple[SetupCase, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _SetupToPlan:
+    """A setup of a file, by its index."""
+
+    file: Path
+    index: int
+    seed: int
+
+
+def instruments_study(
+    setups: Path | None,
+    seed: int,
+    progress: Progress,
+    *,
+    store: Path | None = None,
+    processes: int | None = None,
+) -> InstrumentsStudy:
+    """Carry the study out, of the built-in setups or of those of a file. With a `store` the answer of each
+    setup is kept in that file at once."""
+    began, path = time.monotonic(), BUILT_IN if setups is None else setups
+    content = read_model(SetupsFile, path)
+    for setup in content.setups:
+        with located(path):
+            _header(content, setup)
+    pieces = [_SetupToPlan(path, index, seed) for index in range(len(content.setups))]
+    heading = heading_of("instruments", seed, setups=[setup.name for setup in content.setups])
+    cases = tuple(each_piece(store, heading, SetupCase, _case, pieces, progress, processes))
+    return InstrumentsStudy(
+        study="instruments",
+        title="Which instrument, and how many measurements?",
+        headline=_headline(cases),
+        agrees=True,
+        seconds=time.monotonic() - began,
+        notes=(
+            "Predicted for a typical arm, by the best plan of each number of measurements; nothing is"
+            " simulated.",
+            "The error of the TCP is that which the uncertainty of the estimates makes, in the base frame of"
+            " joint 1, with offsets and geometry in the controller.",
+        ),
+        settings=InstrumentsSettings(
+            content.robot,
+            content.joint_deg,
+            content.tcp_mm,
+            tuple(content.measurements),
+            _CANDIDATES,
+            seed,
+        ),
+        setups=cases,
+    )
+
+
+def _header(content: SetupsFile, setup: StatedSetup) -> Header:
+    noise = setup.header.get("noise", {})
+    assert isinstance(noise, dict)
+    keys = {**setup.header, "robot": content.robot, "noise": {**noise, "joint_deg": content.joint_deg}}
+    return validate(Header, keys, file=None, line=lambda _: None)
+
+
+def _case(piece: _SetupToPlan) -> SetupCase:
+    content = read_model(SetupsFile, piece.file)
+    setup = content.setups[piece.index]
+    header, folder = _header(content, setup), piece.file.parent
+    robot, parts = load_robot(header.robot, folder), setup.measure
+    whole = sum(part.share for part in parts.values())
+    request = PlanRequest(
+        header=header,
+        header_folder=folder,
+        measure={label: Portion(part.share) for label, part in parts.items()},
+        candidates=_CANDIDATES,
+        max_shots=2,
+        seed=piece.seed,
+    )
+    pools = candidate_pools(request, header, robot, portions(request), lambda share: None)
+    planner = Planner(header, robot, {}, pools)
+    plans = []
+    for count in content.measurements:
+        counts = {label: max(round(count * part.share / whole), 1) for label, part in parts.items()}
+        proposal = planner.optimal(counts, seed=piece.seed, starts=4)
+        minutes = sum(counts[label] * part.minutes for label, part in parts.items())
+        minutes += (proposal.travel_s or 0.0) / 60
+        plans.append(_predicted(header, robot, proposal, counts, minutes, np.array(content.tcp_mm)))
+    return SetupCase(setup.name, setup.cost, tuple(plans))
+
+
+def _predicted(
+    header: Header, robot: Robot, proposal: Proposal, counts: dict[str, int], minutes: float, tcp: Matrix
+) -> SetupPlan:
+    measured = [[Measurement(*each, {})] for each in proposal.planned]
+    planned = Problem.of_measured(header, robot, proposal.postures, measured, planned=True)
+    x = planned.nominal()
+    problem = planned.at_predicted(x)
+    with one_blas_thread():
+        covariance, status = predicted_covariance(problem, x), identify(problem, x).status
+    parameters = problem.parameters
+    offsets = [item for item in parameters.items if item.group == "offset"]
+    undetermined = [
+        item.name for item, each in zip(offsets, status, strict=False) if each == "unidentifiable"
+    ]
+    joints = within_limits(robot, spread_postures(robot.lower, robot.upper, _TCP_POSTURES))
+    _, jacobian = tool_point(problem, x, tcp, joints)
+    moving = moving_offsets(problem, jacobian)
+    tcp_mm = None
+    if not (moving & undetermined_offsets(problem, status)).any():
+        spread = arm_covariance(problem, covariance)
+        tcp_mm = float(np.sqrt(np.einsum("pka,ab,pkb->p", jacobian, spread, jacobian).mean()))
+    return SetupPlan(
+        measurements=sum(counts.values()),
+        by_instrument=counts,
+        minutes=minutes,
+        worst_u=None if undetermined else proposal.worst,
+        worst=None if undetermined else max(proposal.std, key=proposal.std.__getitem__),
+        tcp_mm=tcp_mm,
+        undetermined=tuple(undetermined),
+        efficiency=proposal.efficiency,
+    )
+
+
+def _headline(cases: tuple[SetupCase, ...]) -> str:
+    """The setup with the least uncertain offsets at the largest number of measurements, and the quickest."""
+    last = [(case, case.plans[-1]) for case in cases if case.plans[-1].worst_u is not None]
+    if not last:
+        return "No setup determines all offsets."
+    best, plan = min(last, key=lambda each: each[1].worst_u or np.inf)
+    cheap, other = min(last, key=lambda each: (each[0].cost, each[1].worst_u or np.inf))
+    sentence = (
+        f"With {plan.measurements} measurements {best.name} leaves the smallest uncertainty of the offsets:"
+        f" u = {numbers.spread(plan.worst_u or 0.0, 'deg')}."
+    )
+    if cheap is not best:
+        sentence += (
+            f" Of the cheapest that determine all offsets {cheap.name} leaves"
+            f" {numbers.spread(other.worst_u or 0.0, 'deg')}."
+        )
+    return sentence

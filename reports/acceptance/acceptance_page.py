@@ -1,0 +1,211 @@
+"""The page of an acceptance test: the error measured before and after, the verdict and its rule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ...analysis.acceptance.acceptance import Acceptance, AcceptanceResult, EnteredOffset
+from ...analysis.acceptance.measured_error import MeasuredError, PostureError
+from ...analysis.status import Verdict as Tone
+from ...analysis.status import versions
+from ...experiments.acceptance_files import Verified
+from ...model.files.run import Run
+from ...words import numbers
+from ...words.acceptance_words import (
+    ACCEPTANCE_WORDS,
+    CONTROLLERS_MODEL,
+    RULE,
+    acceptance_reason,
+    measured_sentence,
+    mistake_sentence,
+    noticed_sentence,
+    probability_words,
+)
+from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, SIMULATED, by_plain_key, provenance_entry
+from ...words.wording import clipped, counted, label, measured_at, shown
+from ..style.blocks import (
+    Block,
+    FigureBlock,
+    Form,
+    Page,
+    Paragraph,
+    Row,
+    Table,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
+from ..style.palette import light
+
+NAME = "before_and_after"
+MOST_DRAWN = 30
+_TONES: dict[Acceptance, Tone] = {"pass": "pass", "fail": "misfit", "inconclusive": "weak"}
+_UNKNOWN = "not stated"
+
+
+def acceptance_page(verified: Verified) -> Page:
+    """All that the report of an acceptance test shows."""
+    answer, measured = verified.answer, verified.measured
+    names = [posture.target for posture in measured.postures]
+    return Page(
+        "Verification of a calibration",
+        f"{clipped(verified.calibration.robot.name)}, {counted(answer.measurements, 'measurement')} of"
+        f" {clipped(verified.run.path.name, 60)}",
+        Verdict(_TONES[answer.verdict], ACCEPTANCE_WORDS[answer.verdict], acceptance_reason(answer)),
+        list(_notes(verified)),
+        [
+            section_of(
+                "Measured before and after",
+                Paragraph(measured_sentence(measured)),
+                FigureBlock(NAME),
+                _errors_table(measured, measured_at(names, verified.calibration.header.labels)),
+                Paragraph(f"{CONTROLLERS_MODEL} The noise is the standard deviation of one measurement."),
+            ),
+            section_of("The test and its rule", *_test(answer)),
+            section_of("What was compared", _compared(verified)),
+            section_of("Approval", Form(_approved(verified.run), ("Signature",))),
+        ],
+        [
+            (SERIAL, clipped(_entry(verified.calibration, SERIAL) or _UNKNOWN, 40)),
+            ("Verified on", clipped(_entry(verified.run, DATE) or _UNKNOWN, 40)),
+        ],
+    )
+
+
+def _notes(verified: Verified) -> Iterator[str]:
+    runs = (verified.calibration, verified.run)
+    if any(by_plain_key(run.header.provenance).get("origin") == SIMULATED for run in runs):
+        yield "These measurements were simulated: no robot was verified."
+
+
+def _entry(run: Run, name: str) -> str:
+    return provenance_entry(by_plain_key(run.header.provenance), KEYS[name])
+
+
+# ── sections ──────────────────────────────────────────────────────────────────────────────────
+
+
+def _errors_table(measured: MeasuredError, at: str) -> Table:
+    def row(posture: PostureError) -> Row:
+        before = "—" if posture.before_mm is None else numbers.significant(posture.before_mm, 2, "mm")
+        after, noise = (numbers.significant(value, 2, "mm") for value in (posture.after_mm, posture.noise_mm))
+        return row_of(str(posture.measurement), clipped(posture.target, 24), before, after, noise)
+
+    columns = [
+        ("measurement", "right"),
+        (at, "left"),
+        ("as found", "right"),
+        ("as left", "right"),
+        ("noise", "right"),
+    ]
+    return table_of("Error, posture by posture", columns, [row(one) for one in measured.postures])
+
+
+def _test(answer: AcceptanceResult) -> Iterator[Block]:
+    yield Paragraph(RULE)
+    yield noticed_table(answer.offsets)
+    yield Paragraph(noticed_sentence(answer.offsets))
+    for mistake in answer.mistakes[:3]:
+        yield Paragraph(mistake_sentence(mistake))
+
+
+def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:
+    """What the test would notice, offset by offset."""
+    rows = [
+        row_of(
+            label(offset.name),
+            numbers.estimate(offset.entered, offset.std, offset.unit),
+            f"{numbers.exact(offset.tolerance, offset.unit)}: {probability_words(offset.power)}",
+            probability_words(offset.power_not_entered),
+        )
+        for offset in offsets
+    ]
+    heads = ("entered", "error of the tolerance", "not entered")
+    columns = [("name", "left"), *((head, "right") for head in heads)]
+    return table_of("What the test notices", columns, rows)
+
+
+def _compared(verified: Verified) -> Table:
+    runs = (verified.calibration, verified.run)
+    rows = [
+        row_of("Run", *(shown(run.path.name) for run in runs)),
+        row_of("Measurements", *(str(len(run.shots)) for run in runs)),
+        *(
+            row_of(name, *(_entry(run, name) or _UNKNOWN for run in runs))
+            for name in (SERIAL, DATE, OPERATOR)
+        ),
+        row_of("SHA-256", *(run.sha256 for run in runs)),
+        row_of("zerobeam", "", versions()["zerobeam"]),
+    ]
+    return table_of(
+        "The two runs", ["", ("calibration, as found", "left"), ("verification, as left", "left")], rows
+    )
+
+
+def _approved(run: Run) -> list[tuple[str, str]]:
+    provenance = by_plain_key(run.header.provenance)
+    return [("Approved by", provenance_entry(provenance, KEYS["Authorised by"])), ("Date of approval", "")]
+
+
+# ── the figure ────────────────────────────────────────────────────────────────────────────────
+
+
+def errors_picture(measured: MeasuredError) -> Picture:
+    """Each posture's error as found and as left on one scale from 0, with a line between them; of many
+    postures those with the largest error as left."""
+    drawn = sorted(measured.postures, key=lambda posture: -posture.after_mm)[:MOST_DRAWN]
+    drawn.sort(key=lambda posture: posture.measurement)
+    at = list(range(len(drawn)))
+    with style():
+        figure = new_figure(1.1 + 0.26 * len(drawn))
+        axes = figure.subplots()
+        before = [(y, one.before_mm) for y, one in zip(at, drawn, strict=True) if one.before_mm is not None]
+        axes.hlines(
+            [y for y, _ in before],
+            [drawn[y].after_mm for y, _ in before],
+            [mm for _, mm in before],
+            color=light("line"),
+            linewidth=1.5,
+        )
+        handles = axes.plot(
+            [mm for _, mm in before],
+            [y for y, _ in before],
+            "D",
+            markersize=5.5,
+            color=light("weak"),
+            markerfacecolor="none",
+            mew=1.2,
+            label="as found",
+        )
+        handles += axes.plot(
+            [one.after_mm for one in drawn],
+            at,
+            "o",
+            markersize=5.5,
+            mew=0,
+            color=light("identified"),
+            label="as left",
+        )
+        for y, mm in before:
+            after = numbers.significant(drawn[y].after_mm, 2, "mm")
+            beside(axes, mm, y, f"{numbers.significant(mm, 2)} → {after}")
+        axes.set_yticks(at, [f"measurement {one.measurement}" for one in drawn])
+        axes.set_ylim(len(drawn) - 0.4, -0.6)
+        farthest = max([one.after_mm for one in drawn] + [mm for _, mm in before])
+        axes.set_xlim(0, 1.25 * farthest)
+        axes.set_xlabel("error, mm")
+        bare_y(axes)
+        axes.legend(
+            handles=handles if before else handles[1:],
+            loc="lower right",
+            bbox_to_anchor=(1, 1),
+            ncols=2,
+            handletextpad=0.2,
+        )
+        svg = to_svg(figure, NAME)
+    title = "Error before and after, on one scale from 0"
+    if len(drawn) < len(measured.postures):
+        title += f": the {len(drawn)} of {len(measured.postures)} postures with the largest error as left"
+    return Picture(NAME, title, measured_sentence(measured), svg)

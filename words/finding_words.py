@@ -1,0 +1,259 @@
+"""The findings of a run in words: each sentence is made here, and nowhere read back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..analysis.answer.findings import (
+    FileWarning,
+    Finding,
+    HeldOutMisfit,
+    NoPosterior,
+    NotConverged,
+    OtherBasins,
+    Outlying,
+    PoorCurvature,
+    RobustNotConverged,
+)
+from ..analysis.answer.result import LikelihoodSummary, Result
+from ..analysis.diagnostics.accuracy import TcpAccuracy
+from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.diagnostics.outliers import Robust
+from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
+from ..analysis.misfit import ExactDoubted
+from ..analysis.posterior.posterior import Agreement, PosteriorSummary
+from . import numbers
+from .misfit_words import criterion_sentence
+from .numbers import significant as rounded
+from .observability import reason
+from .wording import Namer, be, clipped, label, listed
+
+MOST_NAMED = 10
+_USELESS = {
+    "nothing known": "no parameter is identifiable",
+    "little known": "the data determine less than half of the offsets",
+    "misfit": "the model does not describe the measurements",
+}
+
+
+def notes(result: Result) -> tuple[str, ...]:
+    """The findings of a result as sentences without a full stop, the gravest first."""
+    return tuple(finding_sentence(finding) for finding in result.findings)
+
+
+def finding_sentence(finding: Finding, name: Namer = str) -> str:
+    """One finding, without a full stop at its end; `name` writes names."""
+    match finding:
+        case NotConverged(reason=why):
+            return f"The fit did not converge: {why}. Nothing here may be used as an estimate"
+        case OtherBasins(count, undecided):
+            sets = "set of offsets fits" if count == 1 else "sets of offsets fit"
+            what = "What differs between them is unidentifiable; the rest" if undecided else "The one"
+            return (
+                f"Other local optima: {count} more {sets} nearly as well. {what} reported has"
+                " the highest posterior density; add measurements to separate them"
+            )
+        case NoPosterior(posterior):
+            return f"No posterior is shown: {posterior_message(posterior)}"
+        case PoorCurvature(parameters, tested):
+            if not tested:
+                return (
+                    "The posterior was not sampled, and with separate noise factors nothing else tests the"
+                    " intervals by the curvature at the mode: sample it before you rely on them"
+                )
+            return (
+                "The posterior was not sampled, although the profile likelihood of"
+                f" {listed([name(each) for each in parameters], MOST_NAMED)} differs from the curvature at"
+                " the mode: sample it before you rely on these intervals"
+            )
+        case ExactDoubted():
+            mm, deg = numbers.exact(finding.length_mm, "mm"), numbers.exact(finding.angle_deg, "deg")
+            exact, typical = numbers.p_value(finding.p_value), numbers.p_value(finding.typical)
+            return (
+                f"Residuals are larger than the noise of an exact arm explains (p {exact}). With links as"
+                f" those of a typical arm, within {mm} and {deg}, they agree with it (p {typical}):"
+                " geometry: exact is the first suspect"
+            )
+        case HeldOutMisfit(factor=factor, run=str(run)):
+            return (
+                f"The held-out run {clipped(run)} is predicted with errors ({_sizes(finding)}) that are"
+                f" {factor:.1f} times what noise and fit explain: the estimates do not carry over to it as"
+                " stated"
+            )
+        case HeldOutMisfit(targets, factor=factor):
+            return (
+                f"At the held-out targets ({listed(list(targets))}) the residuals ({_sizes(finding)}) are"
+                f" {factor:.1f} times what noise and fit explain: the offsets do not carry over to them as"
+                " stated"
+            )
+        case RobustNotConverged(reason=why):
+            return f"The robust fit did not converge ({why}): it is not shown"
+        case Outlying(measurements, robust):
+            named = _measurements(measurements[:MOST_NAMED])
+            if robust:
+                return (
+                    f"Outlying by the robust fit: {named}. Check before you rely on the estimates of the"
+                    " likelihood fit"
+                )
+            return (
+                f"Outlying: {named}; the residual is far larger than the stated noise. Check before you"
+                " rely on the rest"
+            )
+        case FileWarning(text):
+            return text
+        case _:
+            return criterion_sentence(finding, name)
+
+
+def _sizes(misfit: HeldOutMisfit) -> str:
+    """Lengths, and angles where they are read: each beside what is expected of it."""
+    text = f"{misfit.rms_mm:.2f} mm rms"
+    if misfit.rms_deg is None or misfit.expected_deg is None or misfit.expected_mm is None:
+        return text
+    angle, expected = (rounded(value, 2, "deg") for value in (misfit.rms_deg, misfit.expected_deg))
+    return f"{text}, {misfit.expected_mm:.2f} mm expected; {angle} rms, {expected} expected"
+
+
+def _measurements(numbers: Sequence[int]) -> str:
+    return f"measurement{'' if len(numbers) == 1 else 's'} {listed([str(n) for n in numbers], MOST_NAMED)}"
+
+
+def likelihood_message(fit: LikelihoodSummary) -> str | None:
+    """What cannot be judged of a fit."""
+    if fit.dof == 0:
+        return "zero degrees of freedom: the fit cannot be checked against the noise"
+    return (
+        None
+        if fit.noise_known
+        else "the noise is estimated from these residuals, so they cannot contradict it"
+    )
+
+
+def posterior_message(posterior: PosteriorSummary) -> str:
+    """How the sampling went."""
+    if posterior.useless is not None:
+        return f"not sampled: {_USELESS[posterior.useless]}"
+    if posterior.omitted is not None:
+        if posterior.omitted.enough:
+            return (
+                "not sampled: the curvature at the mode describes it (the profile likelihood has the same"
+                " 95 % intervals, to a tenth of their width)"
+            )
+        return "not sampled: that was asked for; the curvature at the mode may not describe it"
+    if posterior.draws == 0:
+        return "not sampled: the fit did not converge"
+    rhat = "not finite" if posterior.rhat_max is None else f"{posterior.rhat_max:.3f}"
+    if posterior.converged:
+        return (
+            f"{posterior.ensembles} independent ensembles agree: R-hat {rhat}, at least"
+            f" {posterior.ess_min:.0f} effective draws{_confirmed(posterior.agreement)}"
+        )
+    if posterior.agreement is not None and not posterior.agreement.holds:
+        return (
+            f"the posterior has not converged: its ensembles agree with each other (R-hat {rhat}, smallest"
+            f" effective sample size {posterior.ess_min:.0f}), but {_contradicted(posterior.agreement)}."
+            " Record more varied measurements, or hold what the data do not determine"
+        )
+    drifts = ", and its draws still drift" if posterior.drifts else ""
+    return (
+        f"the posterior has not converged (R-hat {rhat}, smallest effective sample size"
+        f" {posterior.ess_min:.0f}{drifts}). Record more varied measurements, or hold what the data do not"
+        " determine"
+    )
+
+
+_METHODS = {"importance": "importance sampling", "profile": "the profile likelihood"}
+
+
+def _confirmed(agreement: Agreement | None) -> str:
+    """Which other method has the same intervals, as what can follow a sentence without its full stop."""
+    if agreement is None or agreement.by is None:
+        return ""
+    method = _METHODS[agreement.by]
+    return f". {method[0].upper()}{method[1:]} agrees with them{_pareto(agreement)}"
+
+
+def _contradicted(agreement: Agreement) -> str:
+    """What does not confirm the draws."""
+    if agreement.by is None or agreement.name is None:
+        return f"no other method confirms them{_pareto(agreement)}"
+    return (
+        f"not with {_METHODS[agreement.by]}{_pareto(agreement)}: the 95 % interval of"
+        f" {label(agreement.name)} is off by {100 * agreement.off:.0f} % of its width"
+    )
+
+
+def _pareto(agreement: Agreement) -> str:
+    if agreement.pareto_k is None or agreement.by == "profile":
+        return ""
+    return f" (Pareto k̂ {numbers.significant(agreement.pareto_k, 2)})"
+
+
+def hold_out_message(held_out: HoldOut) -> str | None:
+    """Why a hold-out has no numbers, or none to judge."""
+    if held_out.failure is not None:
+        return f"the fit without them did not converge: {held_out.failure}"
+    return (
+        None if held_out.dof else "zero degrees of freedom: no more numbers than coordinates of their targets"
+    )
+
+
+def predicted_run_message(held_out: PredictedRun) -> str | None:
+    """Why a held-out run has no numbers, or not of all of its measurements."""
+    if held_out.failure is not None:
+        return f"the fit did not converge: {held_out.failure}"
+    reasons = []
+    if held_out.unknown:
+        reasons.append(
+            f"{_measurements(held_out.unknown)}: unknown, as the data do not determine the prediction"
+            f" (its u is more than {UNKNOWN:g} times the noise)"
+        )
+    if held_out.taken_up:
+        reasons.append(
+            f"{_measurements(held_out.taken_up)}: no prediction, as the position of the target is"
+            " estimated from no more numbers than it has coordinates"
+        )
+    return "; ".join(reasons) or None
+
+
+def robust_message(robust: Robust) -> str:
+    """What a robust fit found."""
+    named = "no outlier"
+    if robust.outliers:
+        one = len(robust.outliers) == 1
+        named = f"{_measurements(robust.outliers)} {'is an outlier' if one else 'are outliers'}"
+    if robust.with_uncertainty:
+        return named
+    return (
+        f"{named}; no uncertainty: a measurement has leverage 1, or there are no more numbers than unknowns"
+    )
+
+
+def tcp_words(accuracy: TcpAccuracy, name: Namer = str) -> str:
+    """What the point is whose accuracy is stated."""
+    match accuracy.source:
+        case "stated point":
+            return "a point stated by the user"
+        case "tool":
+            return "the stated point of the tool"
+        case "last axis":
+            n = accuracy.joints
+            return (
+                f"the point of the axis of joint {n} nearest to the stated point of the tool, as"
+                f" {name(f'delta{n}')} is not determined"
+            )
+
+
+def accuracy_reason(accuracy: TcpAccuracy, name: Namer = str) -> str | None:
+    """Why no accuracy is claimed; None where it is."""
+    if not accuracy.converged:
+        return "the fit did not converge"
+    parts: dict[tuple[str, str], list[str]] = {}
+    for parameter, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
+        why = "" if cause is None else f": {reason(cause, name)}"
+        parts.setdefault(("held" if held else "unidentifiable", why), []).append(name(parameter))
+    reasons = [
+        f"the TCP depends on {listed(names)}, which {be(names)} {state}{why}"
+        for (state, why), names in parts.items()
+    ]
+    return "; ".join(reasons) or None

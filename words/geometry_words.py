@@ -1,0 +1,197 @@
+"""The geometry of an answer in words: what u is if the arm deviates from nominal, tolerances, the ladder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
+
+from ..analysis.observability.causes import Cause, NotResolvable
+from ..analysis.observability.check import Check
+from ..analysis.observability.geometry_result import Confounded, GeometryResult, Rung, RungName, Tolerance
+from . import numbers
+from .wording import Namer, listed, person
+
+IF_IT_DEVIATES = "u if the arm deviates"
+SET_BY_TOLERANCES = "set by tolerances"
+RUNGS: dict[RungName, str] = {
+    "offsets": "nominal geometry",
+    "geometry": "+ link geometry",
+    "gravity": "+ gravity",
+    "harmonics": "+ first harmonics",
+}
+_MOSTLY = 0.5  # a share of the variance, or a correlation, from which it is worth a sentence
+_UNKNOWN = "unknown"  # where the curvature at the mode does not say
+
+
+class OffsetRow(Protocol):
+    """An offset of a result, of a check, of a run that has ended."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def std(self) -> float | None: ...
+    @property
+    def tolerance_share(self) -> float | None: ...
+
+
+class _Tolerated(Protocol):
+    """A parameter of a result, of a check."""
+
+    @property
+    def group(self) -> str: ...
+    @property
+    def std(self) -> float | None: ...
+    @property
+    def held(self) -> bool: ...
+    @property
+    def tolerated(self) -> bool: ...
+
+
+class _Grouped(Protocol):
+    @property
+    def group(self) -> str: ...
+
+
+def geometry_title(tolerated: Iterable[_Grouped]) -> str:
+    """The title of what is said of the parameters with tolerances."""
+    return "Geometry and tool" if any(row.group == "tool" for row in tolerated) else "Geometry"
+
+
+def determined_sentence(rows: Iterable[_Tolerated], *, planned: bool = False) -> str | None:
+    """How many of the parameters with tolerances the measurements determine; None where there are none."""
+    free = [row for row in rows if row.tolerated and not row.held]
+    if not free:
+        return None
+    count, be = sum(row.std is not None for row in free), "will be" if planned else "are"
+    if not count:
+        return f"{geometry_title(free)}: all {len(free)} parameters {be} known by their tolerances only."
+    return (
+        f"{geometry_title(free)}: {count} of {len(free)} parameters {be} determined, the others prior only."
+    )
+
+
+def tolerances_words(geometry: GeometryResult) -> str:
+    """The tolerances of the links: 0.3 mm and 0.1°; of lists the smallest and the largest."""
+    return f"{tolerance_words(geometry.length_mm, 'mm')} and {tolerance_words(geometry.angle_deg, 'deg')}"
+
+
+def tolerance_words(tolerance: Tolerance, unit: str) -> str:
+    """One tolerance; of a list the smallest and the largest."""
+    if isinstance(tolerance, int | float):
+        return numbers.exact(float(tolerance), unit)
+    low, high = min(tolerance), max(tolerance)
+    if low == high:
+        return numbers.exact(low, unit)
+    return f"{numbers.exact(low, unit)} to {numbers.exact(high, unit)}"
+
+
+def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: float = 1.0) -> str | None:
+    """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u. With a
+    coverage factor `k` of expanded uncertainties U."""
+    std = {row.name: row.std for row in offsets if row.std is not None}
+    units = {row.name: row.unit for row in offsets if row.std is not None}
+    considered = _range(geometry.consider, units, k)
+    if not std or considered is None:
+        return None
+    present, u = _range(std, units, k), "u" if k == 1 else "U"
+    if not geometry.stated:
+        return (
+            f"With nominal geometry {u} is {present}; if the arm deviates from it by"
+            f" {tolerances_words(geometry)}, {considered}. Leave out geometry: exact to estimate it."
+        )
+    half, twice = _range(geometry.at_half, units, k), _range(geometry.at_twice, units, k)
+    factors = "" if geometry.factors is None else ", multiplied by the factors that the data give them"
+    return (
+        f"With the geometry estimated within its tolerances ({tolerances_words(geometry)}{factors}) {u} is"
+        f" {present}. With half the tolerances it would be {half or _UNKNOWN}, with twice"
+        f" {twice or _UNKNOWN}; with nominal geometry, if the arm deviates from it by these tolerances,"
+        f" {considered}."
+    )
+
+
+def _range(uncertainties: Mapping[str, float | None], units: Mapping[str, str], k: float) -> str | None:
+    """The smallest to the largest, by unit, each `k` times; None where one of those with a unit is not
+    known."""
+    if any(u is None and name in units for name, u in uncertainties.items()):
+        return None
+    ranges = []
+    for unit in dict.fromkeys(units[name] for name in uncertainties if name in units):
+        of_unit = [k * u for name, u in uncertainties.items() if u is not None and units.get(name) == unit]
+        if not of_unit:
+            continue
+        low, high = (numbers.spread(end, unit) for end in (min(of_unit), max(of_unit)))
+        ranges.append(low if low == high else f"{low} to {high}")
+    return " and ".join(ranges) or None
+
+
+def confounded_sentence(
+    geometry: GeometryResult, offset: str, share: float | None, name: Namer = str
+) -> str | None:
+    """Why an offset is known no better: the tolerances, and what it is confounded with; None where most of
+    its variance is of the noise."""
+    if share is None or share < _MOSTLY:
+        return None
+    text = f"{name(offset)}: {percent(share)} of the variance is set by the tolerances"
+    rivals = [row for row in geometry.confounded if row.offset == offset and abs(row.correlation) >= _MOSTLY]
+    if not rivals:
+        return f"{text}; it is confounded with no single parameter."
+    named = [f"{name(row.parameter)} (correlation {correlation(row)})" for row in rivals]
+    return f"{text}; it is confounded with {listed(named)}."
+
+
+def by_tolerances(cause: Cause, share: float | None) -> str | None:
+    """Why a parameter is weak where it is not the noise but the tolerances; None where it is not so."""
+    if not isinstance(cause, NotResolvable) or share is None or share < _MOSTLY:
+        return None
+    return "most of its variance is set by the tolerances of the geometry"
+
+
+def correlation(row: Confounded) -> str:
+    return numbers.fixed(row.correlation, 2)
+
+
+def percent(share: float) -> str:
+    """A share of a variance."""
+    return f"{100 * share:.0f}{numbers.NO_BREAK}%"
+
+
+def factors_sentence(geometry: GeometryResult) -> str | None:
+    """By what the data multiply the tolerances; u is that of a factor of lognormal distribution."""
+    if geometry.factors is None:
+        return None
+    length, angle = geometry.factors.length, geometry.factors.angle
+    by_length, by_angle = geometry.factors.log_u
+    return (
+        f"The data multiply the tolerances of lengths by {numbers.significant(length, 2)} (relative u"
+        f" {percent(by_length)}) and those of angles by {numbers.significant(angle, 2)} (relative u"
+        f" {percent(by_angle)}); the intervals include what these factors leave open."
+    )
+
+
+def rung_reason(ladder: Sequence[Rung], i: int) -> str:
+    """Why rung `i` is kept, or not, and what the measurements say of it, next to the rung below."""
+    rung = ladder[i]
+    if not rung.kept:
+        return "for comparison"
+    below = ladder[i - 1]
+    changes = ["evidence rises" if rung.log_evidence > below.log_evidence else "evidence falls"]
+    if rung.held_out_rms_mm is not None and below.held_out_rms_mm is not None:
+        better = rung.held_out_rms_mm < below.held_out_rms_mm
+        changes.insert(0, "predicts better" if better else "predicts no better")
+    return f"with its prior; {', '.join(changes)}"
+
+
+def check_lines(check: Check) -> list[str]:
+    """What a check says of the geometry, a line each."""
+    offsets = [row for row in check.parameters if row.group == "offset"]
+    worth = worth_sentence(check.geometry, offsets)
+    lines = [] if worth is None else [worth]
+    known = [row for row in offsets if row.std is not None]
+    worst = max(known, key=lambda row: row.std or 0.0, default=None)
+    if worst is not None:
+        why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
+        lines += [] if why is None else [why]
+    determined = determined_sentence(check.parameters, planned=True)
+    return lines if determined is None else [*lines, determined]
