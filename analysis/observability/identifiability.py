@@ -342,14 +342,6 @@ def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, 
     return tuple(of_unit or some)
 
 
-def rank(problem: Problem, x: Matrix) -> int:
-    """The number of unknowns that many shots determine at x (p,), as `identify` counts them where no point
-    near by has a lower rank; without the names of what they do not determine."""
-    tolerated = problem.parameters.tolerated[problem.parameters.free]
-    root = Marginal.of(information_root(problem, x, 1.0)[1], tolerated).root
-    return _rank(tolerated, np.asarray(np.linalg.svd(root, compute_uv=False), dtype=float))
-
-
 def _rank(tolerated: Mask, singular: Matrix) -> int:
     return int(tolerated.sum()) + int((singular >= _AS_KNOWN).sum())
 
