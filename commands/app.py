@@ -8,24 +8,19 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..model.errors import BadInput, missing_extra
+from ..model.options import Option
 from .console import say
 
 
 def app(
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen at (0: any).")] = 8800,
+    port: Annotated[int, Option("Port to listen at (0: any).", least=0, most=65535)] = 8800,
     folder: Annotated[
-        Path, typer.Option("--dir", help="Folder of plans and runs: nothing else is read or written.")
+        Path, Option("Folder of plans and runs: nothing else is read or written.", "--dir")
     ] = Path(),
-    browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    browser: Annotated[bool, Option("Open the page in the browser.", "--open/--no-open")] = True,
     host: Annotated[
-        str | None,
-        typer.Option(
-            help="Address to listen at, for other machines. Default: this one alone.",
-            show_default=False,
-        ),
+        str | None, Option("Address to listen at, for other machines. Default: this one alone.")
     ] = None,
 ) -> None:
     """Look at robots and plans in the browser, offline. Ctrl-C ends it."""

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from ..experiments.options import Model, Url
 from ..model.errors import BadInput
+from ..model.options import Option, argument
 from .console import print_json, say
-from .history import Model, Serial, Url, histories, opened
+from .history import Serial, histories, opened
 from .options import Json
 
 if TYPE_CHECKING:
@@ -23,29 +25,18 @@ VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
 _LONGEST = 1000  # bytes of a passphrase
 
 
-@histories.command("certify")
+@histories.of_options("certify")
 def certify(
     serial: Serial,
-    private: Annotated[
-        Path, typer.Option("--key", help="Private key to sign with.", metavar="FILE", show_default=False)
-    ],
-    folder: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the certificate.", show_default=False)
-    ],
-    run: Annotated[
-        str | None,
-        typer.Option(help="The run, by the beginning of its SHA-256.", metavar="SHA256", show_default=False),
-    ] = None,
-    date: Annotated[
-        str | None,
-        typer.Option(help="The run, by its date or time (ISO 8601). Default: the last.", show_default=False),
-    ] = None,
+    private: Annotated[Path, Option("Private key to sign with.", "--key", metavar="FILE")],
+    folder: Annotated[Path, Option("Folder for the certificate.", "-o --out")],
+    run: Annotated[str | None, Option("The run, by the beginning of its SHA-256.", metavar="SHA256")] = None,
+    date: Annotated[str | None, Option("The run, by its date or time (ISO 8601). Default: the last.")] = None,
     verification: Annotated[
         Path | None,
-        typer.Option(
-            help="Report of the corrected robot (zerobeam verify -o DIR): the certificate states it as left.",
+        Option(
+            "Report of the corrected robot (zerobeam verify -o DIR): the certificate states it as left.",
             metavar="DIR",
-            show_default=False,
         ),
     ] = None,
     model: Model = None,
@@ -68,17 +59,11 @@ def certify(
     say(f"Signed by: {grouped(by)}")
 
 
-@histories.command("key")
+@histories.of_options("key")
 def key(
-    file: Annotated[
-        Path, typer.Argument(help="File for the private key; the public one is FILE.pub.", show_default=False)
-    ],
+    file: Annotated[Path, argument("File for the private key; the public one is FILE.pub.")],
     passphrase: Annotated[
-        bool,
-        typer.Option(
-            "--passphrase",
-            help=f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}.",
-        ),
+        bool, Option(f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}.")
     ] = False,
 ) -> None:
     """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
@@ -94,28 +79,19 @@ def key(
     say(f"Fingerprint: {grouped(made)}")
 
 
-@histories.command("verify")
+@histories.of_options("verify")
 def verify(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="Signed files (the signature is beside each, FILE.sig), or folders of certificates.",
+        argument(
+            "Signed files (the signature is beside each, FILE.sig), or folders of certificates.",
             metavar="FILE...",
-            show_default=False,
         ),
     ],
-    public: Annotated[
-        Path,
-        typer.Option("--key", help="Public key of the signer (.pub).", metavar="FILE", show_default=False),
-    ],
+    public: Annotated[Path, Option("Public key of the signer (.pub).", "--key", metavar="FILE")],
     db: Annotated[
         str | None,
-        typer.Option(
-            "--db",
-            help="A history (SQLite file or URL): does it still hold the certified results?",
-            metavar="URL",
-            show_default=False,
-        ),
+        Option("A history (SQLite file or URL): does it still hold the certified results?", metavar="URL"),
     ] = None,
     as_json: Json = False,
 ) -> None:

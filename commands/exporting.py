@@ -16,57 +16,22 @@ from ..experiments.makers.maker import (
     plan_programs,
     program_languages,
 )
+from ..experiments.makers.options import ExportOptions, ProgramMotion, ProgramOptions
 from ..model.errors import BadInput, NotWritten
+from ..model.options import Option, argument, arguments, options_of
 from ..words.controllers import no_offsets_words
 from .console import EXIT_STATUS, out, print_json, say
-from .formats import Command, options_of, with_parameters
-from .options import Force, J3Origin, Json, PlanFile, RunFile
+from .formats import Command, with_options
+from .options import Force, Json, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.makers.calibration import RobotCalibration
     from ..experiments.makers.solving import CorrectedTarget
     from ..model.files.plan import Plan
     from ..model.files.run import Run
+    from ..model.kinematics.robot import J3
 
-ExportFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.", show_default=False)]
-AllowWeak = Annotated[
-    bool, typer.Option("--allow-weak", help="Export weakly observable offsets too; the file marks them.")
-]
-AllowDisplaced = Annotated[
-    bool,
-    typer.Option("--allow-displaced", help="Export although a target seems to have moved; the file says so."),
-]
-AllowAssumed = Annotated[
-    bool,
-    typer.Option(
-        "--allow-assumed",
-        help="Export offsets that are only as good as what is assumed of tool and instruments too; the file"
-        " marks them.",
-    ),
-]
-Unvalidated = Annotated[
-    bool,
-    typer.Option(
-        "--unvalidated",
-        help="Export in spite of a misfit (the model does not describe the run); the file says so.",
-    ),
-]
-Without = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.",
-        metavar="NAME",
-        show_default=False,
-    ),
-]
-HoldOutRun = Annotated[
-    Path | None,
-    typer.Option(
-        help="Another run of the same header, which the offsets must predict (as analyse --hold-out).",
-        metavar="RUN",
-        show_default=False,
-    ),
-]
+ExportFile = Annotated[Path, Option("File to write.", "-o --out")]
 # As help lists them; those of other makers are behind.
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
 
@@ -114,10 +79,8 @@ def exports() -> typer.Typer:
 
 
 def _offsets_command(kind: OffsetFile) -> Command:
-    kind_options = options_of(kind.text)
-
-    def export(run: RunFile, file: ExportFile, **options: Any) -> None:
-        choices = {option.name: options.pop(option.name) for option in kind_options}
+    def export(run: RunFile, file: ExportFile, **typed: Any) -> None:
+        choices = {one.name: one.value(typed.pop(one.name)) for one in options_of(kind.text)}
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             from ..model.files.whole_file import schema_line
@@ -128,9 +91,10 @@ def _offsets_command(kind: OffsetFile) -> Command:
             return {file: head + kind.text(recorded, calibration, **choices)}, notes, ()
 
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
-        _export(run, file, texts, read, kind.holds, kind.no_place, as_data=kind.as_data, **options)
+        how = arguments(_export, typed)
+        _export(run, file, texts, read, kind.holds, kind.no_place, as_data=kind.as_data, **how)
 
-    return with_parameters(export, [*options_of(export), *kind_options, *options_of(_export)])
+    return with_options(export, kind.text, _export)
 
 
 def _export(
@@ -142,12 +106,7 @@ def _export(
     no_place: Callable[["Run"], Collection[str]] = all_have_a_place,
     *,
     as_data: bool = False,
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    allow_assumed: AllowAssumed = False,
-    unvalidated: Unvalidated = False,
-    without: Without = None,
-    hold_out: HoldOutRun = None,
+    options: ExportOptions,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -167,15 +126,13 @@ def _export(
     if file.parent.exists():  # else it is made once all is judged
         refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
+    hold_out, how = options.hold_out, {**vars(options)}
+    del how["hold_out"]
     keep = [run, hold_out, *read, robot_path(recorded.header.robot, run.parent)]
     judged = calibration(
         recorded,
-        allow_weak=allow_weak,
-        allow_displaced=allow_displaced,
-        allow_assumed=allow_assumed,
-        unvalidated=unvalidated,
+        **how,
         as_data=as_data,
-        without=without or (),
         held_out=None if hold_out is None else read_run(hold_out),
         holds=holds,
         no_place=no_place(recorded),
@@ -218,69 +175,32 @@ def _plan_command() -> Command:
     def export_plan(
         kind: Annotated[
             Literal[tuple(kinds)],  # type: ignore[valid-type]
-            typer.Argument(
-                help=f"{'; '.join(f'{program.name}: {program.label}' for program in programs)}; pdf: a sheet"
-                " for the person at the robot.",
-                show_default=False,
+            argument(
+                f"{'; '.join(f'{program.name}: {program.label}' for program in programs)}; pdf: a sheet"
+                " for the person at the robot."
             ),
         ],
         plan: PlanFile,
         file: Annotated[
-            Path,
-            typer.Option(
-                "-o",
-                "--out",
-                help=f"File to write; {' and '.join(several)} write others beside it.",
-                show_default=False,
-            ),
+            Path, Option(f"File to write; {' and '.join(several)} write others beside it.", "-o --out")
         ],
-        speed: Annotated[float, typer.Option(help="Speed of the fastest joint, degrees a second.")] = 10.0,
-        zone: Annotated[
-            float,
-            typer.Option(
-                help="Rounding of intermediate postures: mm (rapid, urscript, robodk, as, val3), percent"
-                " (krl, fanuc)."
-            ),
-        ] = 0.0,
-        tool: Annotated[
-            str | None,
-            typer.Option(
-                help="Tool of the controller: a name (rapid, drl, as, tmscript), a number (krl, fanuc,"
-                " inform, slim).",
-                show_default=False,
-            ),
-        ] = None,
-        j3: Annotated[
-            J3Origin | None,
-            typer.Option(
-                help="fanuc, robodk, csv, pdf: what the pendant counts joint 3 from, if not as the robot file"
-                " states.",
-                show_default=False,
-            ),
-        ] = None,
-        register: Annotated[
-            int | None,
-            typer.Option(help="fanuc: first position register for the joints (1).", show_default=False),
-        ] = None,
-        listener: Annotated[
-            str | None,
-            typer.Option(help="urscript: HOST:PORT that the joints are sent to as well.", show_default=False),
-        ] = None,
+        *,
+        motion: ProgramMotion,
         force: Force = False,
     ) -> None:
         """A plan as a program that goes to each posture, waits until the beam is centred, records the joints.
 
         zerobeam import reads what it recorded. The command refuses a robot of another vendor.
         """
-        from ..experiments.makers.plan_programs import ProgramMotion, write_program
+        from ..experiments.makers.plan_programs import write_program
         from ..model.files.plan import read_plan
         from ..model.files.robot_file import robot_path
 
-        motion, planned = ProgramMotion(speed, zone, tool, j3, register, listener), read_plan(plan)
+        planned = read_plan(plan)
         read = [plan, robot_path(planned.header.robot, plan.parent)]
         if kind == "pdf":
             motion.require_only("pdf", ("j3",))
-            _write_sheet(planned, file, j3, force, read)
+            _write_sheet(planned, file, motion.j3, force, read)
             return
         files, notes = write_program(kind, planned, motion, file, force=force, keep=read)
         for note in notes:
@@ -288,12 +208,10 @@ def _plan_command() -> Command:
         for path in files:
             say(f"Written to {path}")
 
-    return export_plan
+    return with_options(export_plan)
 
 
-def _write_sheet(
-    planned: "Plan", file: Path, j3: J3Origin | None, force: bool, read: list[Path | None]
-) -> None:
+def _write_sheet(planned: "Plan", file: Path, j3: "J3 | None", force: bool, read: list[Path | None]) -> None:
     """The operator's sheet of a plan."""
     from ..analysis.observability.aim import aim_plan
     from ..experiments.plans.constraints import check_plan, require_constraints
@@ -312,57 +230,11 @@ def _program_command() -> Command:
 
     def export_program(
         run: RunFile,
-        program: Annotated[Path, typer.Argument(help=f"Program: {languages}.", show_default=False)],
+        program: Annotated[Path, argument(f"Program: {languages}.")],
         file: ExportFile,
-        tool: Annotated[
-            list[str] | None,
-            typer.Option(
-                help="Pose of a tool that the program does not state, [NAME=]X,Y,Z,… in the language's own"
-                " form. Repeatable.",
-                metavar="POSE",
-                show_default=False,
-            ),
-        ] = None,
-        frame: Annotated[
-            list[str] | None,
-            typer.Option(
-                help="The same of a work object, base or user frame. Repeatable.",
-                metavar="POSE",
-                show_default=False,
-            ),
-        ] = None,
-        near: Annotated[
-            str | None,
-            typer.Option(
-                help="Joints J1,J2,… in degrees near which Cartesian targets without a configuration are.",
-                show_default=False,
-            ),
-        ] = None,
-        leave: Annotated[
-            list[str] | None,
-            typer.Option(
-                help="Leave this target as it is (taught on this very arm). Repeatable.",
-                metavar="NAME",
-                show_default=False,
-            ),
-        ] = None,
-        call: Annotated[
-            list[str] | None,
-            typer.Option(
-                help="This routine of another file moves no arm, changes no frame, tool or target."
-                " Repeatable.",
-                metavar="NAME",
-                show_default=False,
-            ),
-        ] = None,
-        j3: Annotated[
-            J3Origin | None,
-            typer.Option(
-                help="fanuc: what joint 3 is counted from, if not as the robot file states.",
-                show_default=False,
-            ),
-        ] = None,
-        **options: Any,
+        *,
+        choices: ProgramOptions,
+        **typed: Any,
     ) -> None:
         """Entering the offsets at the controller corrects all programs at once; this corrects one program,
         for controllers where that is not possible.
@@ -372,15 +244,8 @@ def _program_command() -> Command:
         hold its offsets already: do not correct them.
         """
         from ..experiments.makers.maker import vendor_of
-        from ..experiments.makers.user_programs import (
-            ProgramOptions,
-            corrected_program,
-            files_of,
-            program_files_of,
-        )
+        from ..experiments.makers.user_programs import corrected_program, files_of, program_files_of
         from ..model.files.whole_file import refuse_existing
-
-        choices = ProgramOptions(tool or (), frame or (), leave or (), near, j3, call or ())
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             vendor = vendor_of(recorded.robot)
@@ -391,6 +256,6 @@ def _program_command() -> Command:
                     refuse_existing(path, force=True, keep=files_of(program, vendor))
             return corrected.files, corrected.notes, corrected.targets
 
-        _export(run, file, texts, [program], "postures", **options)
+        _export(run, file, texts, [program], "postures", **arguments(_export, typed))
 
-    return with_parameters(export_program, [*options_of(export_program), *options_of(_export)])
+    return with_options(export_program, _export)

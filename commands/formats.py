@@ -1,41 +1,61 @@
-"""Commands made of the formats that makers have: a format's options become parameters of its command."""
+"""Options as Typer takes them: a command is a function of them, or of records that have them as fields."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
-from typing import Annotated, TypeVar, get_args
+from dataclasses import is_dataclass
+from typing import Annotated, Any, TypeVar
 
 import typer
-from typer.models import ParameterInfo
 
-from ..experiments.makers.maker import Option
+from ..model.options import REQUIRED, OptionField, arguments, options_of, parameters_of
 
 Command = Callable[..., None]
 Returned = TypeVar("Returned")
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def options_of(function: Callable[..., object]) -> list[inspect.Parameter]:
-    """The parameters of a function that are annotated as options (or for Typer), as Typer takes them."""
+def typer_parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
+    """The parameters of a function, and the options of the records that it takes, as Typer takes them."""
+    by_name = {one.name: _parameter(one) for one in options_of(function)}
     parameters = []
-    for parameter in inspect.signature(function).parameters.values():
-        for part in get_args(parameter.annotation)[1:]:
-            if isinstance(part, Option):
-                kind = get_args(parameter.annotation)[0]
-                parameter = parameter.replace(annotation=Annotated[kind, _typer(part, parameter, kind)])
-            if isinstance(part, Option | ParameterInfo):
-                parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    for one, hint in parameters_of(function):
+        if one.name in by_name:
+            parameters.append(by_name[one.name])
+        elif isinstance(hint, type) and is_dataclass(hint):
+            parameters += [by_name[each.name] for each in options_of(hint)]
+        elif hint is typer.Context:
+            parameters.append(one.replace(annotation=hint, kind=one.KEYWORD_ONLY))
     return parameters
 
 
-def _typer(option: Option, parameter: inspect.Parameter, kind: object) -> object:
-    flag = option.flag or (f"--{parameter.name.replace('_', '-')}" if kind is bool else None)
-    return typer.Option(
-        *([] if flag is None else [flag]),
-        help=option.help,
-        min=option.least,
-        show_default=parameter.default not in (None, inspect.Parameter.empty),
+def _parameter(one: OptionField) -> inspect.Parameter:
+    option, default = one.option, one.typed_default
+    how: Any = {
+        "help": option.help,
+        "min": option.least,
+        "max": option.most,
+        "metavar": option.metavar,
+        "envvar": option.variable,
+        "show_default": default not in (None, "", (), REQUIRED),
+    }
+    kind = typer.Argument(**how) if option.argument else typer.Option(*one.flags, **how)
+    return inspect.Parameter(
+        one.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[one.typed, kind]
     )
+
+
+def with_options(command: Callable[..., Returned], *others: Callable[..., Any]) -> Callable[..., Returned]:
+    """The command with its options, for Typer to read: its records are made of what is typed. The options of
+    the functions `others` reach it as they were typed."""
+    sources = (command, *others)
+
+    def typed_command(**typed: Any) -> Returned:
+        return command(**arguments(command, typed))
+
+    typed_command.__doc__ = command.__doc__
+    return with_parameters(typed_command, [each for one in sources for each in typer_parameters(one)])
 
 
 def with_parameters(
@@ -46,3 +66,16 @@ def with_parameters(
     command.__signature__ = signature  # type: ignore[attr-defined]
     command.__annotations__ = {name: each.annotation for name, each in signature.parameters.items()}
     return command
+
+
+class Group(typer.Typer):
+    """A group of commands that are functions of options."""
+
+    def of_options(self, name: str) -> Callable[[Function], Function]:
+        """Make the function below a command of this name."""
+
+        def added(function: Function) -> Function:
+            self.command(name)(with_options(function))
+            return function
+
+        return added

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from ..experiments.options import AddOptions, HistoryPageOptions, Model, SerialOrAll, ToleranceMm, Url
 from ..model.errors import BadInput, missing_extra
+from ..model.options import Option, argument
 from ..reports.style.console import print_block
 from ..words.spreadsheet import csv_lines
 from .console import err, out, print_json, print_json_pieces, progress, say
-from .options import Force, Json, Seed
+from .formats import Group
+from .options import Force, Json
 
 if TYPE_CHECKING:
     from ..experiments.history.content import StoredResult
@@ -24,23 +27,7 @@ if TYPE_CHECKING:
     from ..reports.history.arm_page import ArmHistory
     from ..reports.style.blocks import Block
 
-Url = Annotated[
-    str | None,
-    typer.Option(
-        "--db",
-        envvar="ZEROBEAM_HISTORY",
-        help="SQLite file, or postgresql://user@host/database. Default: history.sqlite in your data folder.",
-        metavar="URL",
-        show_default=False,
-    ),
-]
-Serial = Annotated[
-    str, typer.Argument(help="Serial number of the arm.", metavar="SERIAL", show_default=False)
-]
-Model = Annotated[
-    str | None,
-    typer.Option(help="Model of the arm, where several have this serial number.", show_default=False),
-]
+Serial = Annotated[str, argument("Serial number of the arm.", metavar="SERIAL")]
 
 
 @contextmanager
@@ -70,7 +57,7 @@ def damage_named() -> Iterator[Damaged]:
         raise typer.Exit(BadInput.exit_status)
 
 
-histories = typer.Typer(
+histories = Group(
     help="Results of many arms over the years, in a database: what drifted, and when the next one is due.",
     no_args_is_help=True,
 )
@@ -80,29 +67,16 @@ _AT_ONCE = 100  # results in one transaction
 What = Literal["collision", "motor", "mastering", "other"]
 
 
-@histories.command("add")
+@histories.of_options("add")
 def add(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="Results (result.json), runs (.jsonl: solved first), or folders of results.",
-            metavar="FILE...",
-            show_default=False,
+        argument(
+            "Results (result.json), runs (.jsonl: solved first), or folders of results.", metavar="FILE..."
         ),
     ],
-    db: Url = None,
-    serial: Annotated[
-        str | None,
-        typer.Option(help="Serial number of the arm, where a run states none.", show_default=False),
-    ] = None,
-    when: Annotated[
-        str | None,
-        typer.Option(help="Date of the measurements, where a run states none.", show_default=False),
-    ] = None,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Replace another result of the same run.")
-    ] = False,
-    seed: Seed = 0,
+    *,
+    options: AddOptions,
     as_json: Json = False,
 ) -> None:
     """Add results, each once; runs are solved first. A bad file is named, and the others are added."""
@@ -119,25 +93,26 @@ def add(
         say(f"error: {why}", to=err)
 
     def flush() -> None:
-        for (path, entry), outcome in zip(
-            waiting, add_entries(history, [entry for _, entry in waiting], replace=replace), strict=True
-        ):
+        outcomes = add_entries(history, [entry for _, entry in waiting], replace=options.replace)
+        for (path, entry), outcome in zip(waiting, outcomes, strict=True):
             counts[outcome] += 1
             if outcome == "refused":
-                refuse(path, str(_other_result(path, entry, replace)))
+                refuse(path, str(_other_result(path, entry, options.replace)))
         waiting.clear()
 
-    with opened(db, create=True) as history:
+    with opened(options.db, create=True) as history:
         paths = list(files_of(files))
 
         def held(sha256: str) -> tuple[str, str] | None:
-            return None if replace else arm_of(history, sha256)
+            return None if options.replace else arm_of(history, sha256)
 
         with progress("history") as tell:
             for number, path in enumerate(paths):
                 tell(f"{number} of {len(paths)}", number / len(paths))
                 try:
-                    entry = read_entry(path, held, serial=serial, when=when, seed=seed)
+                    entry = read_entry(
+                        path, held, serial=options.serial, when=options.when, seed=options.seed
+                    )
                 except BadInput as error:
                     refuse(path, str(error.at(path, None)))
                     continue
@@ -169,7 +144,7 @@ def _other_result(path: Path, entry: Entry, replace: bool) -> BadInput:
     )
 
 
-@histories.command("list")
+@histories.of_options("list")
 def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
     from ..experiments.history.store import arms, judgement_of, results
@@ -184,7 +159,7 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
             _print(None, [arms_table(rows, [judgement_of(history, row.sha256) for row in rows])])
 
 
-@histories.command("show")
+@histories.of_options("show")
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
     from ..experiments.history.documents import HistoryList
@@ -218,18 +193,14 @@ def _print(arm: tuple[str, str] | None, blocks: Iterable[Block | None]) -> None:
             print_block(out, block)
 
 
-@histories.command("event")
+@histories.of_options("event")
 def event(
     serial: Serial,
-    date: Annotated[str, typer.Option(help="When it happened (ISO 8601).", show_default=False)],
+    date: Annotated[str, Option("When it happened (ISO 8601).")],
     what: Annotated[
-        What,
-        typer.Option(
-            help="collision, motor (changed), mastering (new zeros in the controller) or other.",
-            show_default=False,
-        ),
+        What, Option("collision, motor (changed), mastering (new zeros in the controller) or other.")
     ],
-    note: Annotated[str, typer.Option(help="What is to be remembered of it.", show_default=False)] = "",
+    note: Annotated[str, Option("What is to be remembered of it.")] = "",
     model: Model = None,
     db: Url = None,
 ) -> None:
@@ -244,15 +215,10 @@ def event(
     say("logged" if new else "already there")
 
 
-@histories.command("export")
+@histories.of_options("export")
 def export(
-    file: Annotated[
-        Path, typer.Option("-o", "--out", help="File to write: .csv or .json.", show_default=False)
-    ],
-    serial: Annotated[
-        str | None,
-        typer.Argument(help="Serial number of one arm.", metavar="[SERIAL]", show_default=False),
-    ] = None,
+    file: Annotated[Path, Option("File to write: .csv or .json.", "-o --out")],
+    serial: Annotated[str | None, argument("Serial number of one arm.", metavar="[SERIAL]")] = None,
     model: Model = None,
     db: Url = None,
     force: Force = False,
@@ -285,11 +251,9 @@ def export(
     say(f"{count} results: {file}")
 
 
-@histories.command("backup")
+@histories.of_options("backup")
 def backup(
-    file: Annotated[Path, typer.Argument(help="SQLite file to write.", show_default=False)],
-    db: Url = None,
-    force: Force = False,
+    file: Annotated[Path, argument("SQLite file to write.")], db: Url = None, force: Force = False
 ) -> None:
     """Copy the whole history into one SQLite file, while others go on working with it."""
     from ..experiments.history.database import back_up
@@ -299,11 +263,8 @@ def backup(
     say(f"{count} results: {file}")
 
 
-@histories.command("restore")
-def restore(
-    file: Annotated[Path, typer.Argument(help="A backup.", show_default=False)],
-    db: Url = None,
-) -> None:
+@histories.of_options("restore")
+def restore(file: Annotated[Path, argument("A backup.")], db: Url = None) -> None:
     """Copy a backup into an empty history, of SQLite or PostgreSQL."""
     from ..experiments.history.database import restore as copy_back
 
@@ -312,19 +273,10 @@ def restore(
         say(f"{count} results: {history.name}")
 
 
-_SerialOrAll = Annotated[
-    str | None,
-    typer.Argument(help="Serial number of one arm (all).", metavar="[SERIAL]", show_default=False),
-]
-_Tolerance = Annotated[
-    float, typer.Option("--tolerance-mm", min=1e-6, max=1e6, help="TCP error that is tolerated, mm.")
-]
-
-
-@histories.command("drift")
+@histories.of_options("drift")
 def drift(
-    serial: _SerialOrAll = None,
-    tolerance_mm: _Tolerance = 0.5,
+    serial: SerialOrAll = None,
+    tolerance_mm: ToleranceMm = 0.5,
     model: Model = None,
     db: Url = None,
     as_json: Json = False,
@@ -358,20 +310,10 @@ def drift(
         _print(arm, drift_blocks(drifts[0]))
 
 
-@histories.command("report")
+@histories.of_options("report")
 def report(
-    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the pages.", show_default=False)],
-    serial: _SerialOrAll = None,
-    tolerance_mm: _Tolerance = 0.5,
-    as_of: Annotated[
-        str | None,
-        typer.Option(
-            help="Day for which it is said what is overdue (default: of the last result in the history).",
-            show_default=False,
-        ),
-    ] = None,
-    model: Model = None,
-    db: Url = None,
+    folder: Annotated[Path, Option("Folder for the pages.", "-o --out")],
+    options: HistoryPageOptions,
     as_json: Json = False,
 ) -> None:
     """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
@@ -393,9 +335,10 @@ def report(
         write_fleet,
     )
 
-    when = None if as_of is None else moment(as_of)
+    serial, tolerance_mm, model = options.serial, options.tolerance_mm, options.model
+    when = None if options.as_of is None else moment(options.as_of)
     (check_fleet_target if serial is None else check_arm_target)(folder)
-    with opened(db) as history, progress("report") as tell:
+    with opened(options.db) as history, progress("report") as tell:
         every = arms(history)
         when = when or max((arm.last for arm in every if arm.last is not None), default=None)
 

@@ -2,28 +2,23 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from ..experiments.makers.known_logs import known_logs, read_log
 from ..experiments.makers.maker import Reader, makers
+from ..experiments.makers.options import ImportOptions
 from ..model.errors import BadInput
+from ..model.options import Option, argument, arguments, parameters_of
 from .console import out, progress
-from .formats import Command, options_of, with_parameters
-from .options import DryRun, Force, MeasuredPlan, NewRunFile, SharedHeader
+from .formats import Command, typer_parameters, with_options, with_parameters
+from .options import Force, NewRunFile
 
 if TYPE_CHECKING:
     from ..experiments.makers.recordings import Imported, ImportJob
     from ..model.files.plan import Plan
 
-Targets = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Target of a file: once for each file, in their order, unless the files name them.",
-        show_default=False,
-    ),
-]
 # As help lists them; those of other makers are behind.
 _READERS = (
     "csv",
@@ -45,7 +40,7 @@ def imports() -> typer.Typer:
     group = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
     readers = [reader for maker in makers() for reader in maker.read]
     commands = {reader.name: _reader_command(reader) for reader in [*readers, _reader_of_logs()]}
-    commands["ur-calibration"] = import_ur_calibration
+    commands["ur-calibration"] = with_options(import_ur_calibration)
     hidden = {reader.name for reader in readers if reader.hidden}
     for name in sorted(
         commands, key=lambda name: _READERS.index(name) if name in _READERS else len(_READERS)
@@ -56,34 +51,30 @@ def imports() -> typer.Typer:
 
 def _reader_command(reader: Reader) -> Command:
     def import_files(
-        files: Annotated[list[Path], typer.Argument(help=reader.files, show_default=False)],
+        files: Annotated[list[Path], argument(reader.files)],
         file: NewRunFile,
-        header: SharedHeader = None,
-        plan: MeasuredPlan = None,
-        target: Targets = None,
+        *,
+        of: ImportOptions,
         force: Force = False,
-        dry_run: DryRun = False,
-        **options: object,
+        **typed: Any,
     ) -> None:
         from ..experiments.makers.recordings import ImportJob
 
         with progress("import") as tell:
-            job = ImportJob.begin(files, _header_or_plan(header, plan), file, target or [], tell)
-            imported = reader.read(job, **options)
-            read = [*(path for path in (header, plan) if path is not None), *job.paths]
-            _write(imported, job, file, force, dry_run, read)
+            job = ImportJob.begin(files, _header_or_plan(of.header, of.plan), file, of.target, tell)
+            imported = reader.read(job, **arguments(reader.read, typed))
+            read = [*(path for path in (of.header, of.plan) if path is not None), *job.paths]
+            _write(imported, job, file, force, of.dry_run, read)
         for line in imported.understood:
             out.print(line, soft_wrap=True, markup=False)
-        done = f"{len(imported.shots)} measurements written to"
-        out.print(
-            f"{'dry run: nothing was written to' if dry_run else done} {file}", soft_wrap=True, markup=False
-        )
+        done = "dry run: nothing was" if of.dry_run else f"{len(imported.shots)} measurements"
+        out.print(f"{done} written to {file}", soft_wrap=True, markup=False)
 
     import_files.__doc__ = reader.read.__doc__
-    *common, force, dry_run = options_of(import_files)
-    parameters = {parameter.name: parameter for parameter in [*common, *options_of(reader.read)]}
-    first = [parameters.pop(name) for name in reader.first]
-    return with_parameters(import_files, [*first, *parameters.values(), force, dry_run])
+    command = with_options(import_files, reader.read)
+    parameters = {each.name: each for one in (import_files, reader.read) for each in typer_parameters(one)}
+    first, last = ([parameters.pop(name) for name in names] for names in (reader.first, ("force", "dry_run")))
+    return with_parameters(command, [*first, *parameters.values(), *last])
 
 
 def _write(
@@ -124,34 +115,25 @@ def _reader_of_logs() -> Reader:
         job: "ImportJob",
         kind: Annotated[
             Literal[tuple(layouts)],  # type: ignore[valid-type]
-            typer.Argument(
-                help="; ".join(f"{log.name}: {log.about}" for log in known_logs()) + ".",
-                show_default=False,
-            ),
+            argument("; ".join(f"{log.name}: {log.about}" for log in known_logs()) + "."),
         ],
         **options: object,
     ) -> "Imported":
         return read_log(job, layouts[kind], **options)  # type: ignore[arg-type]
 
     read.__doc__ = read_log.__doc__
-    with_parameters(read, [*options_of(read), *options_of(read_log)])
+    parameters = [*parameters_of(read), *parameters_of(read_log)]
+    of_options = [one for one, hint in parameters if hasattr(hint, "__metadata__")]
+    with_parameters(read, [one.replace(kind=one.KEYWORD_ONLY) for one in of_options])
     return Reader("log", read, "Logs as CSV files.", first=("kind",))
 
 
 def import_ur_calibration(
     calibration: Annotated[
-        Path,
-        typer.Argument(
-            help="calibration.conf of the controller, or the YAML of ROS's ur_calibration.",
-            show_default=False,
-        ),
+        Path, argument("calibration.conf of the controller, or the YAML of ROS's ur_calibration.")
     ],
-    robot: Annotated[
-        str, typer.Option(help="The nominal arm: ur3e, ur5e, ur10e, ur16e, ur20.", show_default=False)
-    ],
-    file: Annotated[
-        Path, typer.Option("-o", "--out", help="Robot file to write (.yaml).", show_default=False)
-    ],
+    robot: Annotated[str, Option("The nominal arm: ur3e, ur5e, ur10e, ur16e, ur20.")],
+    file: Annotated[Path, Option("Robot file to write (.yaml).", "-o --out")],
 ) -> None:
     """A robot file of an individual UR arm: nominal rows and its factory calibration."""
     from ..experiments.makers.universal_robots.kinematics import calibrated_text, read_ur_calibration

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..analysis.analyse_options import AnalyseOptions
 from ..experiments.demos import demo_runs
+from ..experiments.options import CompareOptions
 from ..model.errors import BadInput, WorkersLost
+from ..model.options import Option, Seed, argument
 from .console import EXIT_STATUS, FAULT, err, out, print_json, print_picture, progress, say
-from .options import Json, Picture, PlanFile, RunFile, Scheduler, Seed, Workers, cluster_of
+from .options import Cluster, Json, Picture, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis, Sampling
     from ..analysis.answer.result import Result
-    from ..analysis.estimation.robust import Loss
     from ..model.files.run import Run
-
-
-class LossName(StrEnum):
-    """The loss function of a robust fit."""
-
-    HUBER = "huber"
-    STUDENT = "student"
 
 
 # Stages with their parts of the time, for the bar.
@@ -34,40 +28,8 @@ _ANALYSE = {"fit": 0.25, "identifiability": 0.01, "posterior": 0.6, "diagnostics
 _REPORT = {**_ANALYSE, "writing": 0.5}
 
 
-Ess = Annotated[
-    float, typer.Option(min=100, max=1e5, help="Effective sample size of the posterior, for every parameter.")
-]
-Robust = Annotated[
-    LossName | None,
-    typer.Option(
-        help="Fit once more with this robust loss: large residuals weigh less, outliers are named.",
-        show_default=False,
-    ),
-]
-Drop = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Leave out these measurements: by number, or FILE:LINE of the imported file or the run;"
-        " repeatable, with commas.",
-        metavar="NUMBER|FILE:LINE",
-        show_default=False,
-    ),
-]
-HoldOut = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Validate on this placement, with a fit of the others; repeatable, * and ? match."
-        " Or predict another run (.jsonl) of the same header.",
-        metavar="NAME|FILE",
-        show_default=False,
-    ),
-]
-
-
 def demo(
-    folder: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the reports.", show_default=True)
-    ] = Path("zerobeam-demo"),
+    folder: Annotated[Path, Option("Folder for the reports.", "-o --out")] = Path("zerobeam-demo"),
 ) -> None:
     """Analyse three built-in runs: varied postures, an X-Pattern, an uncalibrated tool."""
     from ..model.files.run import read_run
@@ -82,7 +44,7 @@ def demo(
     answers = []
     for case in cases:
         with progress(case.title, _ANALYSE) as tell:
-            analysis = _analysed(read_run(case.path), 0, 1000.0, tell)
+            analysis = _analysed(read_run(case.path), AnalyseOptions(), tell)
         write_report(folder / case.name, analysis.result, analysis.draws)
         answers.append(analysis.result)
     print_side_by_side(out, [case.title for case in cases], answers)
@@ -119,26 +81,20 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 def analyse(
     run: RunFile,
     as_json: Json = False,
-    seed: Seed = 0,
-    ess: Ess = 1000.0,
-    robust: Robust = None,
-    hold_out: HoldOut = None,
-    drop: Drop = None,
+    *,
+    options: AnalyseOptions,
     save: Annotated[
-        Path | None,
-        typer.Option(
-            help="With --drop: write the run without them to this new file (.jsonl).", show_default=False
-        ),
+        Path | None, Option("With --drop: write the run without them to this new file (.jsonl).")
     ] = None,
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
-    recorded = _recorded(run, drop)
+    recorded = _recorded(run, options.drop)
     if save is not None:
-        if not drop:
+        if not options.drop:
             raise BadInput("--save without --drop: the run is in its file already", remedy="state --drop")
         recorded = _saved(recorded, save)
     with progress("analyse", _ANALYSE) as tell:
-        analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
+        analysis = _analysed(recorded, options, tell)
     if as_json:
         from ..words.sentences import to_json
 
@@ -152,23 +108,20 @@ def analyse(
 
 def report(
     run: RunFile,
-    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the report.", show_default=False)],
+    folder: Annotated[Path, Option("Folder for the report.", "-o --out")],
     as_json: Json = False,
-    seed: Seed = 0,
-    ess: Ess = 1000.0,
-    robust: Robust = None,
-    hold_out: HoldOut = None,
-    drop: Drop = None,
+    *,
+    options: AnalyseOptions,
 ) -> None:
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_result
     from ..words.sentences import to_json
 
-    recorded = _recorded(run, drop)
+    recorded = _recorded(run, options.drop)
     check_target(folder)
     with progress("report", _REPORT) as tell:
-        analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
+        analysis = _analysed(recorded, options, tell)
         tell("writing", 0.0)
         paths = write_report(folder, analysis.result, analysis.draws)
         tell("writing", 1.0)
@@ -183,17 +136,15 @@ def report(
 def compare(
     runs: Annotated[
         list[Path],
-        typer.Argument(
-            help="Run files (.jsonl) or results (.json), two at least; or one table of offsets (.csv).",
+        argument(
+            "Run files (.jsonl) or results (.json), two at least; or one table of offsets (.csv).",
             metavar="RUN...",
-            show_default=False,
         ),
     ],
-    folder: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for the comparison.", show_default=False)
-    ] = None,
+    folder: Annotated[Path | None, Option("Folder for the comparison.", "-o --out")] = None,
     as_json: Json = False,
-    seed: Seed = 0,
+    *,
+    options: CompareOptions,
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
@@ -204,7 +155,7 @@ def compare(
     if folder is not None:
         check_target(folder)
     with progress("compare") as tell:
-        comparison = compare_runs(runs, seed=seed, progress=tell)
+        comparison = compare_runs(runs, seed=options.seed, progress=tell)
         if folder is not None:
             tell("writing", 1.0)
             paths = write_comparison(folder, comparison)
@@ -222,10 +173,9 @@ def compare(
 def schema(
     name: Annotated[
         str | None,
-        typer.Argument(
-            help="run-header, run-shot, plan, header, robot, obstacles, cell, sensors, psd-calibration,"
-            " study-file, result, check, compare, batch or history.",
-            show_default=False,
+        argument(
+            "run-header, run-shot, plan, header, robot, obstacles, cell, sensors, psd-calibration,"
+            " study-file, result, check, compare, batch or history."
         ),
     ] = None,
 ) -> None:
@@ -270,19 +220,13 @@ def _where_the_person_stands(result: Result, path: Path) -> Result:
     return replace(result, inputs=replace(result.inputs, run=path.as_posix()))
 
 
-def _analysed(
-    recorded: Any,
-    seed: int,
-    ess: float,
-    tell: Callable[[str, float], None],
-    robust: LossName | None = None,
-    held_out: list[str] | None = None,
-) -> Analysis:
+def _analysed(recorded: Run, options: AnalyseOptions, tell: Callable[[str, float], None]) -> Analysis:
     from ..analysis.analyse import analyse as judge
 
-    loss: Loss | None = None if robust is None else robust.value
-    chosen = _held_out(held_out or [])
-    return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=chosen, progress=tell)
+    held_out = _held_out(options.hold_out or [])
+    return judge(
+        recorded, seed=options.seed, ess=options.ess, robust=options.robust, held_out=held_out, progress=tell
+    )
 
 
 def _held_out(values: list[str]) -> list[str] | Run:
@@ -316,32 +260,27 @@ _SAMPLING: dict[bool | None, Sampling] = {None: "where needed", True: "always", 
 
 
 def batch(
-    runs: Annotated[
-        list[Path],
-        typer.Argument(help="Run files (.jsonl), or folders of them.", metavar="RUN...", show_default=False),
-    ],
-    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.", show_default=False)],
+    runs: Annotated[list[Path], argument("Run files (.jsonl), or folders of them.", metavar="RUN...")],
+    folder: Annotated[Path, Option("Folder for the results.", "-o --out")],
     pattern: Annotated[
-        str, typer.Option("--glob", help="Which files of a folder are runs.", metavar="PATTERN")
+        str, Option("Which files of a folder are runs.", "--glob", metavar="PATTERN")
     ] = "**/*.jsonl",
-    report: Annotated[bool, typer.Option("--report", help="Write the report of each run, too.")] = False,
+    report: Annotated[bool, Option("Write the report of each run, too.")] = False,
     posterior: Annotated[
         bool | None,
-        typer.Option(
-            "--posterior/--no-posterior",
-            help="Sample the posterior of every run, or of none; by default where the curvature at the mode"
+        Option(
+            "Sample the posterior of every run, or of none; by default where the curvature at the mode"
             " does not describe it.",
-            show_default=False,
+            "--posterior/--no-posterior",
         ),
     ] = None,
-    parquet: Annotated[bool, typer.Option("--parquet", help="Write the tables as Parquet, too.")] = False,
+    parquet: Annotated[bool, Option("Write the tables as Parquet, too.")] = False,
     as_json: Json = False,
     seed: Seed = 0,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    *,
+    cluster: Cluster,
     ess: Annotated[
-        float,
-        typer.Option(min=100, max=1e5, help="Effective sample size of the posteriors, for every parameter."),
+        float, Option("Effective sample size of the posteriors, for every parameter.", least=100, most=1e5)
     ] = 1000.0,
 ) -> None:
     """Solve many runs: results, reports if asked, tables, and one page over all."""
@@ -359,7 +298,7 @@ def batch(
     sampling = _SAMPLING[posterior]
     settings = BatchSettings(seed=seed, ess=ess, sampling=sampling, report=report)
     try:
-        with cluster_of(workers, scheduler), progress("batch") as tell:
+        with cluster.opened(), progress("batch") as tell:
             done = carry_out(files, folder, settings, tell, parquet=parquet)
     except (KeyboardInterrupt, WorkersLost):
         if (folder / STORE).exists():

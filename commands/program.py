@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, plain, say
+from .formats import with_options
 from .late_imports import when_used
 
 # Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
@@ -101,7 +102,7 @@ def _program(name_typed: str | None = None) -> typer.Typer:
     one = name_typed in _COMMANDS or name_typed in _GROUPS
     for name, module in _COMMANDS.items():
         if name == name_typed or not one:
-            app.command(name)(getattr(_loaded(module), name))
+            app.command(name)(with_options(getattr(_loaded(module), name)))
     for name, group in _GROUPS.items():
         if name == name_typed or not one:
             app.add_typer(group(), name=name)

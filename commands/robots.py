@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 import typer
 
 from ..model.errors import BadInput
+from ..model.options import J3Origin, Option, argument
 from .console import EXIT_STATUS, out, print_json, print_picture
-from .options import J3Origin, Json
+from .options import Json
 
 PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
 
@@ -17,118 +18,84 @@ PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"
 def robot(
     name: Annotated[
         str | None,
-        typer.Argument(
+        argument(
+            "A built-in name, a robot file (.yaml), or a URDF (.urdf); new: make a robot file.",
             metavar="ROBOT",
-            help="A built-in name, a robot file (.yaml), or a URDF (.urdf); new: make a robot file.",
-            show_default=False,
         ),
     ] = None,
-    names: Annotated[bool, typer.Option("--list", help="Print the built-in robots.")] = False,
+    names: Annotated[bool, Option("Print the built-in robots.", "--list")] = False,
     joints: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Joint values as the pendant shows them, in any common form; repeatable. Default: all zero.",
-            show_default=False,
-        ),
+        Option("Joint values as the pendant shows them, in any common form; repeatable. Default: all zero."),
     ] = None,
     units: Annotated[
         Literal["deg", "rad", "pulse"] | None,
-        typer.Option(help="Unit of --joints, if not as the robot file states (deg).", show_default=False),
+        Option("Unit of --joints, if not as the robot file states (deg)."),
     ] = None,
-    j3: Annotated[
-        J3Origin | None,
-        typer.Option(
-            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
-        ),
-    ] = None,
+    j3: J3Origin = None,
     pose: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Pose of the flange that the pendant shows at the --joints of the same number: X, Y, Z and"
+        Option(
+            "Pose of the flange that the pendant shows at the --joints of the same number: X, Y, Z and"
             " the maker's angles, base frame, no tool; repeatable. Says which entry of the file is wrong.",
             metavar="POSE",
-            show_default=False,
         ),
     ] = None,
-    angles: Annotated[
-        PoseAngles | None,
-        typer.Option(help="Form of the angles of --pose, if not the maker's.", show_default=False),
-    ] = None,
-    base: Annotated[
-        str | None, typer.Option(help="First link of a URDF's chain.", show_default=False)
-    ] = None,
-    tip: Annotated[str | None, typer.Option(help="Its last link.", show_default=False)] = None,
-    picture: Annotated[
-        Path | None, typer.Option(help="Write a page with the arm in 3D (.html).", show_default=False)
-    ] = None,
+    angles: Annotated[PoseAngles | None, Option("Form of the angles of --pose, if not the maker's.")] = None,
+    base: Annotated[str | None, Option("First link of a URDF's chain.")] = None,
+    tip: Annotated[str | None, Option("Its last link.")] = None,
+    picture: Annotated[Path | None, Option("Write a page with the arm in 3D (.html).")] = None,
     as_json: Json = False,
     file: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            help="Robot file to write (.yaml): new, or a copy of ROBOT to be edited.",
-            show_default=False,
-        ),
+        Path | None, Option("Robot file to write (.yaml): new, or a copy of ROBOT to be edited.", "-o --out")
     ] = None,
     pulses: Annotated[
         str | None,
-        typer.Option(
-            "--pulses-per-deg",
-            help="With -o, of a pendant that shows pulses: how many for a degree of each joint, negative"
+        Option(
+            "With -o, of a pendant that shows pulses: how many for a degree of each joint, negative"
             " where they fall: P1,P2,….",
+            "--pulses-per-deg",
             metavar="PULSES",
-            show_default=False,
         ),
     ] = None,
-    vendor: Annotated[
-        str | None, typer.Option(help="New: who makes the arm, as in robot files.", show_default=False)
-    ] = None,
+    vendor: Annotated[str | None, Option("New: who makes the arm, as in robot files.")] = None,
     row: Annotated[
         list[str] | None,
-        typer.Option(
-            help="New: a alpha d theta lower upper [speed] of a joint, mm and degrees; once for each joint.",
+        Option(
+            "New: a alpha d theta lower upper [speed] of a joint, mm and degrees; once for each joint.",
             metavar="ROW",
-            show_default=False,
         ),
     ] = None,
     convention: Annotated[
-        Literal["standard", "modified"], typer.Option(help="New: convention of the rows.")
+        Literal["standard", "modified"], Option("New: convention of the rows.")
     ] = "standard",
     below: Annotated[
-        float,
-        typer.Option(help="New, with rows or a URDF: how far the mounting face is below the base frame, mm."),
+        float, Option("New, with rows or a URDF: how far the mounting face is below the base frame, mm.")
     ] = 0.0,
     urdf: Annotated[
-        Path | None,
-        typer.Option(
-            help="New: the URDF whose chain from --base to --tip is the arm, in rows.", show_default=False
-        ),
+        Path | None, Option("New: the URDF whose chain from --base to --tip is the arm, in rows.")
     ] = None,
     sheet: Annotated[
         str | None,
-        typer.Option(
-            help="New: lengths of the data sheet, mm: height=…,shoulder=…,upper=…,elbow=…,forearm=…,wrist=….",
+        Option(
+            "New: lengths of the data sheet, mm: height=…,shoulder=…,upper=…,elbow=…,forearm=…,wrist=….",
             metavar="LENGTHS",
-            show_default=False,
         ),
     ] = None,
     ranges: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
+            "New, with --sheet: lower upper [speed] of a joint, degrees; once for each joint.",
             "--range",
-            help="New, with --sheet: lower upper [speed] of a joint, degrees; once for each joint.",
             metavar="RANGE",
-            show_default=False,
         ),
     ] = None,
     fanuc_backup: Annotated[
         Path | None,
-        typer.Option(
-            help="With -o, of a FANUC: folder of a backup (SYSMAST.VA, SYMOTN.VA), which says what the"
+        Option(
+            "With -o, of a FANUC: folder of a backup (SYSMAST.VA, SYMOTN.VA), which says what the"
             " encoder of joint 3 measures.",
             metavar="FOLDER",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from ..model.errors import WorkersLost
+from ..model.options import Option, Seed, argument, arguments, options_of
 from ..model.parsing.reading import real_path
 from .console import err, out, print_json, progress, say
-from .formats import options_of, with_parameters
-from .options import Camera, Json, Scheduler, Seed, Workers, cluster_of
+from .formats import with_options
+from .options import Cluster, Json
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
@@ -23,17 +24,12 @@ studies = typer.Typer(
 Study = Callable[..., "StudyAnswer"]  # of the seed, the progress and the `store`
 Settings = Callable[..., Study]
 
-StudyFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)]
+Camera = Annotated[bool, Option("Find the PSD in pictures, or by the beam alone.", "--camera/--no-camera")]
+StudyFolder = Annotated[Path, Option("Folder for the study.", "-o --out")]
 
 
 def _carry_out(
-    settings: Callable[[], Study],
-    folder: Path,
-    *,
-    seed: Seed = 0,
-    as_json: Json = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    settings: Callable[[], Study], folder: Path, *, seed: Seed = 0, as_json: Json = False, cluster: Cluster
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
@@ -44,11 +40,11 @@ def _carry_out(
     from ..reports.studies.study_folder import check_target, write_study
     from ..reports.studies.study_terminal import print_study
 
-    cluster, study = cluster_of(workers, scheduler), settings()
+    work, study = cluster.opened(), settings()
     store = Path(f"{real_path(folder)}.cases.jsonl")
     check_target(folder)
     try:
-        with cluster, progress("study") as tell:
+        with work, progress("study") as tell:
             answer = study(seed, tell, store=store)
             tell("writing", 1.0)
             paths = write_study(folder, answer)
@@ -69,13 +65,11 @@ def _command(name: str, about: str | None = None) -> Callable[[Settings], Settin
     """Make a command of a function that returns the study with the settings that are its options."""
 
     def made(settings: Settings) -> Settings:
-        def command(folder: StudyFolder, **options: Any) -> None:
-            chosen = {option.name: options.pop(option.name) for option in settings_options}
-            _carry_out(partial(settings, **chosen), folder, **options)
+        def command(folder: StudyFolder, **typed: Any) -> None:
+            chosen = {one.name: typed.pop(one.name) for one in options_of(settings)}
+            _carry_out(partial(settings, **chosen), folder, **arguments(_carry_out, typed))
 
-        settings_options = options_of(settings)
-        parameters = [*options_of(command), *settings_options, *options_of(_carry_out)]
-        studies.command(name, help=about or settings.__doc__)(with_parameters(command, parameters))
+        studies.command(name, help=about or settings.__doc__)(with_options(command, settings, _carry_out))
         return settings
 
     return made
@@ -83,7 +77,7 @@ def _command(name: str, about: str | None = None) -> Callable[[Settings], Settin
 
 @_command("coverage")
 def study_coverage(
-    data_sets: Annotated[int, typer.Option(min=100, help="Simulated runs of each plan.")] = 1000,
+    data_sets: Annotated[int, Option("Simulated runs of each plan.", least=100)] = 1000,
 ) -> Study:
     """Coverage of the intervals: simulated runs with known offsets, solved again."""
     from ..experiments.studies.coverage import coverage_study
@@ -93,8 +87,7 @@ def study_coverage(
 
 @_command("cell")
 def study_cell(
-    runs: Annotated[int, typer.Option(min=20, help="Simulated runs of each plan.")] = 200,
-    camera: Camera = True,
+    runs: Annotated[int, Option("Simulated runs of each plan.", least=20)] = 200, camera: Camera = True
 ) -> Study:
     """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
     from ..experiments.studies.cell import cell_study
@@ -103,9 +96,7 @@ def study_cell(
 
 
 @_command("geometry")
-def study_geometry(
-    arms: Annotated[int, typer.Option(min=20, help="Simulated arms for each plan.")] = 200,
-) -> Study:
+def study_geometry(arms: Annotated[int, Option("Simulated arms for each plan.", least=20)] = 200) -> Study:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry import geometry_study
 
@@ -113,7 +104,7 @@ def study_geometry(
 
 
 @_command("drift")
-def study_drift(arms: Annotated[int, typer.Option(min=20, help="Simulated arms.")] = 500) -> Study:
+def study_drift(arms: Annotated[int, Option("Simulated arms.", least=20)] = 500) -> Study:
     """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
     from ..experiments.studies.drift import drift_study
 
@@ -122,7 +113,7 @@ def study_drift(arms: Annotated[int, typer.Option(min=20, help="Simulated arms."
 
 @_command("wrong-models")
 def study_wrong_models(
-    arms: Annotated[int, typer.Option(min=2, help="Simulated arms for each scenario.")] = 40,
+    arms: Annotated[int, Option("Simulated arms for each scenario.", least=2)] = 40,
 ) -> Study:
     """What an answer says when something is wrong: verdicts, errors and causes of many wrong models."""
     from ..experiments.studies.wrong_models import wrong_models_study
@@ -132,9 +123,7 @@ def study_wrong_models(
 
 @_command("instruments")
 def study_instruments(
-    setups: Annotated[
-        Path | None, typer.Option(help="Setups file (.yaml) of your own instruments.", show_default=False)
-    ] = None,
+    setups: Annotated[Path | None, Option("Setups file (.yaml) of your own instruments.")] = None,
 ) -> Study:
     """Which instrument, and how many measurements? u and TCP error against number, time and cost."""
     from ..experiments.studies.instruments import instruments_study
@@ -152,12 +141,7 @@ def study_table2() -> Study:
 
 Runs = Annotated[
     int | None,
-    typer.Option(
-        min=0,
-        max=100_000,
-        help="Simulated runs of each case, instead of the file's; 0: prediction only.",
-        show_default=False,
-    ),
+    Option("Simulated runs of each case, instead of the file's; 0: prediction only.", least=0, most=100_000),
 ]
 
 
@@ -181,10 +165,7 @@ _built_in("robots", "Does the method work on other arms?")
 
 
 @_command("file")
-def study_file(
-    file: Annotated[Path, typer.Argument(help="Study file (.yaml).", show_default=False)],
-    runs: Runs = None,
-) -> Study:
+def study_file(file: Annotated[Path, argument("Study file (.yaml).")], runs: Runs = None) -> Study:
     """A study of your own, from a file: the settings, and what changes from case to case."""
     return _sweep(file, runs)
 

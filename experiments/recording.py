@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -35,6 +34,7 @@ from .rigs.manual.session import Manual
 from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import CellFile, read_cell
 from .rigs.simulated.simulator import SimulatedRig
+from .run_options import RunOptions
 from .sensors.interface import Sensors
 from .sensors.text_lines import InstrumentLines
 from .simulate import Truth, simulated_shots
@@ -97,7 +97,6 @@ def corrected_arm(path: Path, plan: Plan, cell: CellFile | None, *, as_found: bo
     return CorrectedArm(path.name, run.sha256, values, not as_found)
 
 
-RigName = Literal["simulated", "replay", "abb", "manual", "live"]
 _LED = ("manual", "live")  # rigs that a person, or another program, moves
 
 
@@ -126,27 +125,19 @@ class Answers:
 
 
 @dataclass(frozen=True)
-class RunRequest:
-    """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
-    measurements; `cell`, `camera` and `arm` (a simulated run, whose arm it takes, `as_found` or with its
-    offsets entered) are of the simulated rig,
-    `recording` of the replay, `controller` of ABB's, `answers` of the rig that is a person. `force` lets a
-    simulated run take the place of another simulated one; `scene` asks for the events of a picture."""
+class RunRequest(RunOptions):
+    """How a plan is to be carried out; `controller` is ABB's, `answers` of the rig that is a person, `scene`
+    asks for the events of a picture."""
 
-    rig: RigName
-    seed: int = 0
-    cell: Path | None = None
-    camera: bool = True
-    arm: Path | None = None
-    as_found: bool = False
-    recording: Path | None = None
-    resume: bool = False
-    tolerance: float | None = None
-    closing: bool = False
-    force: bool = False
     scene: bool = False
     controller: Controller | None = None
     answers: Answers | None = None
+
+    def enough(self, plan: Plan) -> float | None:
+        """The standard uncertainty (deg; mm) at which an adaptive run ends; None for another run."""
+        if not self.adaptive:
+            return None
+        return plan.header.tolerance.offset_deg if self.tolerance is None else self.tolerance
 
 
 _STATES = 5  # times at most, in a rehearsal of other instruments, what is known so far
@@ -164,14 +155,14 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
-    if request.rig not in (*_LED, "simulated"):
+    if request.kind not in (*_LED, "simulated"):
         plan.header.require_tool()
-    if request.rig != "simulated":
+    if request.kind != "simulated":
         _refuse({"--arm": request.arm}, "is for the simulated rig")
-    if request.rig == "abb" or request.rig in _LED:
+    if request.kind == "abb" or request.kind in _LED:
         require_constraints(plan)
     led = _by_rig if plan.header.only_beam else _rehearsed_by_hand
-    way = _by_hand if request.rig in _LED else led
+    way = _by_hand if request.kind in _LED else led
     about, measure, adaptive = way(plan, request, listener)
     header = _header(plan, file, about)
     with _journal(plan, file, header, request) as journal:
@@ -184,7 +175,7 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
 
 
 def _by_rig(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
-    if plan.via and (request.tolerance is not None or request.closing):
+    if plan.via and (request.adaptive or request.closing):
         raise BadInput(
             "the plan states intermediate postures (via_deg), which are safe in its own order only",
             remedy="leave out --adaptive and --closing, or the intermediate postures",
@@ -209,7 +200,7 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     if answers.instrument is not None:
         _require_one_reading(plan)
     if not plan.header.only_beam:
-        _refuse({"--adaptive": request.tolerance}, _for_a_beam(plan))
+        _refuse({"--adaptive": request.adaptive or None}, _for_a_beam(plan))
     if not plan.header.only_tools and request.closing:
         raise BadInput(f"--closing {_for_tools(plan)}", remedy="leave --closing out")
     pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
@@ -264,12 +255,12 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
     """What is no beam is led to its target by hand, or reads wherever the arm stands: no servo, no sensors;
     only the simulated rig can do that."""
     _refuse(
-        {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
+        {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.adaptive or None},
         _for_a_beam(plan),
     )
-    if request.rig != "simulated":
+    if request.kind != "simulated":
         raise BadInput(
-            f"the rig {request.rig} cannot lead a {plan.header.tool_kind.name}",
+            f"the rig {request.kind} cannot lead a {plan.header.tool_kind.name}",
             remedy=f"use a {' or '.join(names_of(beam=True))}, or --rig simulated to rehearse",
         )
     arm = None if request.arm is None else corrected_arm(request.arm, plan, None, as_found=request.as_found)
@@ -306,7 +297,8 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
 
 def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
     """The order of the postures, and the adaptive order within it (it says why the run ended), if any."""
-    adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
+    enough = request.enough(plan)
+    adaptive = None if enough is None else Adaptive(plan, enough)
     order: Order = adaptive or InTurn(len(plan.postures))
     return WithClosing(order, len(plan.postures)) if request.closing else order, adaptive
 
@@ -314,7 +306,7 @@ def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
 def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | AbbRig, Provenance]:
     """The rig, and what the run's provenance says of its making."""
     about: Provenance = {"plan sha256": plan.sha256}
-    if request.rig == "abb":
+    if request.kind == "abb":
         _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for the ABB rig")
         if request.controller is None:
             raise BadInput("the ABB rig needs a controller", remedy="state --host")
@@ -326,7 +318,7 @@ def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | Ab
             )
         reached = request.controller
         return AbbRig(plan, reached.access, reached.sensors, reached.caution), {**about, **reached.about}
-    if request.rig == "replay":
+    if request.kind == "replay":
         if request.recording is None:
             raise BadInput("a replay needs a recording", remedy="name the run to be replayed: --recorded RUN")
         if request.cell is not None:
@@ -372,7 +364,7 @@ def _journal(plan: Plan, file: Path, header: Header, request: RunRequest) -> Run
         return RunJournal(file, header)
     message = "the recording has a measurement that is not of this plan"
     remedy = "remove its line, or start without --resume under another name"
-    by_hand = request.rig in _LED  # a person may have said that another posture is meant
+    by_hand = request.kind in _LED  # a person may have said that another posture is meant
     return RunJournal.resumed(
         file, header, lambda run: require_planned(plan, run, message, remedy, anywhere=by_hand)
     )
@@ -384,7 +376,7 @@ def _require_rehearsal(file: Path, request: RunRequest) -> None:
         origin = read_run(file).header.provenance.get("origin")
     except BadInput:
         origin = None
-    if origin != SIMULATED or request.rig != "simulated":
+    if origin != SIMULATED or request.kind != "simulated":
         raise BadInput(
             "the file exists already, and measurements are never overwritten",
             allowed="with --force: a simulated run in the place of another simulated run",
@@ -395,11 +387,11 @@ def _require_rehearsal(file: Path, request: RunRequest) -> None:
 
 def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> RunOpened:
     return RunOpened(
-        rig=request.rig,
+        rig=request.kind,
         file=journal.path.name,
         postures=len(plan.postures),
         recorded=tuple(shot.shot for shot in journal.shots),
-        tolerance=request.tolerance,
+        tolerance=request.enough(plan),
     )
 
 

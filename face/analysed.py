@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from numpy.typing import ArrayLike, NDArray
 
 from ..analysis.analyse import Analysis
+from ..analysis.analyse_options import AnalyseOptions
 from ..analysis.covariance import ValuesByName
 from ..analysis.estimation.robust import Loss
 from ..analysis.status import UNVALIDATED, caveat
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
+from ..model.options import checked_options, require_number
 from ..reports.output.html import card, text
 from ..reports.run.parameters import draw_offsets, offsets_picture, offsets_table, parameter_table
 from ..reports.run.posterior_summary import draw_posterior, posterior_picture
@@ -30,7 +32,7 @@ from ..words.message import message
 from ..words.next_steps import offered
 from ..words.sentences import to_json
 from ..words.wording import clipped, counted
-from .arguments import require_axes, require_choice, require_kind, require_number, require_progress
+from .arguments import require_axes, require_kind, require_progress
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView, scene_view
 from .posterior_dataset import posterior_dataset
@@ -524,9 +526,7 @@ def analyse(
     """
     remedy = "zerobeam.read_run(path) reads a file, zerobeam.Run.from_arrays(…) takes joint positions"
     require_kind(run, Run, "run", remedy)
-    require_number(seed, 0, "seed", whole=True)
-    require_number(ess, 100, "ess")
-    require_choice(robust, (None, "huber", "student"), "robust")
+    checked_options(AnalyseOptions, seed=seed, ess=ess, robust=robust)
     if isinstance(held_out, str):
         held_out = (held_out,)
     require_progress(progress)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from numbers import Integral, Real
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -24,27 +23,6 @@ def require_kind(value: object, kind: type, argument: str, remedy: str) -> None:
             remedy=remedy,
             argument=argument,
         )
-
-
-def require_number(value: object, least: float, argument: str, *, whole: bool = False) -> None:
-    """BadInput where `value` is no number from `least` up."""
-    kind = Integral if whole else Real
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, kind)
-        or not math.isfinite(float(value))
-        or float(value) < least
-    ):
-        allowed = f"a {'whole' if whole else 'finite'} number"
-        allowed += "" if math.isinf(least) else f", {least:g} or more"
-        raise BadInput("this cannot be used", found=repr(value), allowed=allowed, argument=argument)
-
-
-def require_choice(value: object, allowed: Collection[str | None], argument: str) -> None:
-    """BadInput where `value` is none of those `allowed`."""
-    if value not in allowed:
-        listed = ", ".join(map(repr, allowed))
-        raise BadInput("there is no such choice", found=repr(value), allowed=listed, argument=argument)
 
 
 def require_plan(plan: object) -> None:

@@ -11,12 +11,12 @@ from ..analysis.analyse import Analysis
 from ..analysis.repeatability.compare import Comparison
 from ..model.errors import BadInput
 from ..model.files.run import Run
+from ..model.options import require_number
 from ..reports.output.html import card, text
 from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
 from ..reports.repeatability.comparison_page import comparison_page
 from ..reports.style.blocks import Page, Table
 from ..words.sentences import to_json
-from .arguments import require_number
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..analysis.observability.aim import aim_plan
 from ..analysis.observability.check import Check, CheckedParameter, PlanVerdict
 from ..experiments.plans.constraints import violations
-from ..experiments.plans.make import MadePlan, PlanRequest, Portion, make_plan
-from ..experiments.plans.obstacles import read_obstacles
+from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
+from ..experiments.plans.plan_options import PlanOptions, Portion
 from ..model.arrays import ByValue
 from ..model.errors import BadInput
 from ..model.files.arguments import checked, plain
 from ..model.files.header import Header
 from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
-from ..model.files.plan_file import Obstacles
 from ..model.files.robot_file import built_in_robots
+from ..model.options import checked_options, require_number
 from ..reports.output.html import card, text
 from ..reports.plan.plan_page import plan_turnable, postures_of
 from ..reports.run.parameters import worth_column
@@ -32,7 +32,7 @@ from ..words.plan_message import plan_message
 from ..words.sentences import to_json
 from ..words.verdict import tone_of
 from ..words.wording import clipped, counted, label
-from .arguments import require_choice, require_number, require_plan, vector
+from .arguments import require_plan, vector
 from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView, scene_view
 from .tables import ShownPredictions
@@ -322,41 +322,25 @@ def optimal_plan(
     >>> best.check.verdict
     'pass'
     """
-    require_choice(criterion, ("A", "D", "E"), "criterion")
-    counts = {
-        "shots": (2 if shots is None else shots, 2),
-        "candidates": (candidates, 10),
-        "max_shots": (max_shots, 2),
-    }
-    for argument, (value, least) in (counts | {"seed": (seed, 0)}).items():
-        require_number(value, least, argument, whole=True)
-    require_number(margin_deg, 0, "margin_deg")
-    require_number(acceptance_deg, 0, "acceptance_deg")
     if tolerance is not None:
         require_number(tolerance, 0, "tolerance")
-    declared, folder = _header(header)
-    made = make_plan(
-        PlanRequest(
-            kind="optimal",
-            header=declared,
-            header_folder=folder,
-            target=None if target is None else vector(target, 3, "target"),
-            shots=shots,
-            measure={label: Portion(count) for label, count in (measure or {}).items()},
-            candidates=candidates,
-            criterion=criterion,
-            tolerance=tolerance,
-            max_shots=max_shots,
-            facing=None if facing is None else vector(facing, 3, "facing"),
-            acceptance_deg=acceptance_deg,
-            beam_mm=vector(beam_mm, 2, "beam_mm"),
-            margin_deg=margin_deg,
-            obstacles=Obstacles() if obstacles is None else read_obstacles(Path(obstacles)),
-            seed=seed,
-        ),
-        None,
-        lambda stage, share: None,
+    options = checked_options(
+        PlanOptions,
+        target=None if target is None else vector(target, 3, "target"),
+        shots=shots,
+        measure={label: Portion(count) for label, count in (measure or {}).items()},
+        candidates=candidates,
+        criterion=criterion,
+        tolerance=tolerance,
+        max_shots=max_shots,
+        facing=None if facing is None else vector(facing, 3, "facing"),
+        acceptance_deg=acceptance_deg,
+        beam_mm=vector(beam_mm, 2, "beam_mm"),
+        margin_deg=margin_deg,
+        obstacles=None if obstacles is None else Path(obstacles),
+        seed=seed,
     )
+    made = make_plan(PlanRequest.of("optimal", *_header(header), options), None, lambda stage, share: None)
     if made.plan is None:
         assert made.fewest is not None  # without a tolerance there is a plan
         most, worst = made.fewest.curve[-1]

@@ -10,7 +10,8 @@ from ..analysis.covariance import parameter_among
 from ..analysis.solution import Solution
 from ..model.errors import BadInput
 from ..model.files.run import REFIT, Run
-from .arguments import require_mapping, require_number, whole_numbers
+from ..model.options import require_number
+from .arguments import require_mapping, whole_numbers
 
 _BY_METHOD = ("first link", "free tool")  # held whatever a header states
 

@@ -11,8 +11,9 @@ from ..experiments.simulate import Truth, simulated_shots
 from ..model.files.header import RUN_SCHEMA
 from ..model.files.plan import Plan
 from ..model.files.run import Run
+from ..model.options import require_number
 from ..words.provenance import SIMULATED
-from .arguments import require_mapping, require_number, require_plan
+from .arguments import require_mapping, require_plan
 
 
 def simulate(

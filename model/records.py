@@ -28,6 +28,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar, cast, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import (
+    BaseModel,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
@@ -238,6 +239,13 @@ def _plain(value: object, words: Words) -> object:
         return value.replace(tzinfo=UTC).isoformat()
     if isinstance(value, Mapping):
         return {name: _plain(item, words) for name, item in value.items()}
+    if isinstance(value, BaseModel):
+        about = type(value).model_fields
+        return {
+            (about[name].alias or name) if name in about else name: _plain(item, words)
+            for name, item in value
+            if item is not None or name not in about or if_any not in about[name].metadata
+        }
     return [_plain(item, words) for item in value] if isinstance(value, list | tuple) else value
 
 
@@ -248,7 +256,7 @@ def _kind(cls: type) -> type:
 
 
 def _present(value: Any, kind: type) -> Iterator[Key]:
-    """The keys, without those that the record says it does not have (`absent`)."""
+    """The keys, without those that the record says it does not have (`absent`), or has no value of."""
     without = getattr(value, "absent", ())
     return (
         one

@@ -17,6 +17,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from ...model.errors import BadInput, ZerobeamError
+from ...model.records import to_json
 from .folder import Folder
 from .guard import Access, Guard, refusal
 from .page import PageFiles
@@ -36,8 +37,8 @@ def application(folder: Folder, access: Access) -> Starlette:
         answer = error_answer(error, folder.without)
         if isinstance(error, Conflict):
             conflict = ConflictAnswer(error=answer.error, current=error.current)
-            return JSONResponse(conflict.to_json(), status_code=412)
-        return JSONResponse(answer.to_json(), status_code=400 if isinstance(error, BadInput) else 422)
+            return JSONResponse(to_json(conflict), status_code=412)
+        return JSONResponse(to_json(answer), status_code=400 if isinstance(error, BadInput) else 422)
 
     return Starlette(
         routes=[Route("/", page.answer), Route("/page/{path:path}", page.answer)],

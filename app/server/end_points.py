@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, TypeAdapter
 
 from ...model.files.plan_file import PlanFile
-from .answers import (
+from .answers import (  # noqa: F401 - each enters its end points
     calibrations,
     exports,
     history,
@@ -28,25 +28,8 @@ from .answers import (
 from .folder import FolderFile
 from .job_commands import AskedJob, AskedLine
 from .jobs import JobBrief, JobWhole
-from .requests import EndPoint, ErrorAnswer
+from .requests import END_POINTS, ErrorAnswer
 from .versions import ConflictAnswer, WrittenFile
-
-END_POINTS: list[EndPoint] = [
-    *home.END_POINTS,
-    *inverse.END_POINTS,
-    *calibrations.END_POINTS,
-    *imports.END_POINTS,
-    *robots.END_POINTS,
-    *plans.END_POINTS,
-    *recordings.END_POINTS,
-    *results.END_POINTS,
-    *refits.END_POINTS,
-    *posteriors.END_POINTS,
-    *history.END_POINTS,
-    *exports.END_POINTS,
-    *new_folders.END_POINTS,
-]
-
 
 _ID = {"name": "id", "in": "path", "required": True, "schema": {"type": "string"}}
 _FILE = {"name": "file", "in": "query", "required": True, "schema": {"type": "string"}}
@@ -183,5 +166,5 @@ def _described(operation: _Operation, content: Schema) -> Schema:
     return described
 
 
-def _json_of(model: type[BaseModel]) -> Schema:
+def _json_of(model: type) -> Schema:
     return {"application/json": {"schema": {"$ref": _REF.format(model=model.__name__)}}}

@@ -8,14 +8,12 @@ import stat
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
-
-from pydantic import Field
+from typing import Annotated, NamedTuple
 
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import refuse_existing
 from ...model.parsing.confinement import resolved
+from ...model.records import it, record
 from .kept import Kept
 from .versions import version_of
 
@@ -27,14 +25,15 @@ _HEAD = 4096  # bytes: where the schema of a file is
 _SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
 
 
-class FolderFile(JsonDocument):
+@record(kw_only=True)
+class FolderFile:
     """A file below the folder of the app."""
 
-    path: str = Field(description="relative to the folder, with /")
-    kind: str = Field(description="run, plan, header, robot, result, cell, sensors, obstacles or other")
+    path: Annotated[str, it("relative to the folder, with /")]
+    kind: Annotated[str, it("run, plan, header, robot, result, cell, sensors, obstacles or other")]
     bytes: int
-    modified: str = Field(description="ISO 8601, UTC")
-    version: str = Field(description="changes with the file; what If-Match takes when it is replaced")
+    modified: Annotated[str, it("ISO 8601, UTC")]
+    version: Annotated[str, it("changes with the file; what If-Match takes when it is replaced")]
 
 
 class KindOfFile(NamedTuple):

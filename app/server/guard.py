@@ -22,6 +22,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ...model.records import to_json
 from .requests import ErrorAnswer, ErrorFacts
 
 LARGEST_BODY = 64 * 10**6  # bytes
@@ -106,7 +107,7 @@ def _scope(page: str) -> str:
 def refusal(status: int, what: str, *, allowed: str | None = None, to_do: str | None = None) -> JSONResponse:
     """A refusal in the form of all errors."""
     answer = ErrorAnswer(error=ErrorFacts(what=what, allowed=allowed, to_do=to_do))
-    return JSONResponse(answer.to_json(), status_code=status)
+    return JSONResponse(to_json(answer), status_code=status)
 
 
 class Guard:

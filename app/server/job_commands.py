@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, get_origin
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
+from ...analysis.analyse_options import AnalyseOptions
 from ...experiments.makers.known_logs import known_logs, read_log
-from ...experiments.makers.maker import makers, options_of_format, plan_programs
+from ...experiments.makers.maker import makers, plan_programs
+from ...experiments.makers.options import ExportOptions, ImportOptions, ProgramMotion, ProgramOptions
+from ...experiments.options import AddOptions, CompareOptions, HistoryPageOptions, VerifyOptions
+from ...experiments.plans.plan_options import PlanOptions
 from ...experiments.rigs.live.address import SCHEMES, parse_address
+from ...experiments.run_options import RunOptions
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
+from ...model.options import OptionField, options_of
 from ...model.parsing.validation import FileModel, as_tuple
 from .folder import Folder
 
@@ -38,91 +44,53 @@ class AskedLine(FileModel):
 Kind = Literal["read", "write", "value", "values", "held out", "flag"]
 
 
-def _options(*groups: tuple[Kind, str]) -> dict[str, Kind]:
-    """The kind of each option; a group is a kind and the options that are of it."""
-    return {option: kind for kind, options in groups for option in options.split()}
-
-
-def _options_of(text: Callable[..., object]) -> dict[str, Kind]:
-    """The options of a format; a path is a file that is read."""
-    return {option.flag: _kind(option.kinds) for option in options_of_format(text)}
-
-
-def _kind(kinds: Sequence[object]) -> Kind:
-    if bool in kinds:
+def _kind(one: OptionField) -> Kind:
+    if one.option.names is not None:
+        return "write" if one.option.names == "write" else "held out"
+    if one.box:
         return "flag"
-    if Path in kinds:
+    if Path in one.kinds:
         return "read"
-    return "values" if any(get_origin(kind) is list for kind in kinds) else "value"
+    return "values" if one.several else "value"
 
 
-_ANALYSE = _options(("value", "--seed --ess --robust"), ("held out", "--hold-out"))
-_EXPORT = _options(
-    ("write", "--out"),
-    ("flag", "--allow-weak --allow-displaced --allow-assumed --unvalidated"),
-    ("values", "--without"),
-    ("read", "--hold-out"),
-)
-_PLAN = _options(
-    ("write", "--out"),
-    ("read", "--header --obstacles"),
-    ("value", "--target --shots --candidates --criterion --tolerance --max-shots --facing --acceptance"),
-    ("value", "--beam --margin --seed"),
-    ("values", "--measure"),
-)
+def _options(*sources: Callable[..., object], out: bool = True) -> dict[str, Kind]:
+    """The kind of each option that the app may state, of records and functions; `out`: a file is written."""
+    options: dict[str, Kind] = {"--out": "write"} if out else {}
+    for one in (each for source in sources for each in options_of(source)):
+        if one.option.app and not one.option.argument:
+            options |= dict.fromkeys(one.long_flags, _kind(one))
+    return options
+
+
 RIGS = ("simulated", "manual", "abb")
-_RUN = _options(
-    ("write", "--out"),
-    ("value", "--rig"),
-    ("read", "--cell --arm"),
-    ("flag", "--camera --no-camera --resume --adaptive"),
-    ("value", "--tolerance"),
-    ("flag", "--closing"),
-    ("value", "--seed"),
-    ("read", "--sensors"),
-    ("value", "--host --port --egm-port --sensor-port --user --speed --laser --units --j3"),
-)
-_IMPORT = _options(
-    ("write", "--out"), ("read", "--header --plan"), ("values", "--target"), ("flag", "--dry-run")
-)
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
 # replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
 # moves.
 ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
-    ("plan", "x"): (0, _PLAN),
-    ("plan", "y"): (0, _PLAN),
-    ("plan", "optimal"): (0, _PLAN),
-    ("plan", "verify"): (1, _options(("write", "--out"), ("value", "--shots --tolerance --seed"))),
-    ("verify",): (2, _options(("value", "--tolerance"), ("write", "--out"))),
-    ("analyse",): (1, _ANALYSE),
-    ("report",): (1, _options(("write", "--out")) | _ANALYSE),
-    ("compare",): (2, _options(("write", "--out"), ("value", "--seed"))),
-    ("history", "add"): (1, _options(("write", "--db"), ("flag", "--replace"))),
-    ("history", "report"): (
-        0,
-        _options(("write", "--out --db"), ("value", "--tolerance-mm --as-of --model")),
-    ),
-    ("run",): (1, _RUN),
+    **{("plan", kind): (0, _options(PlanOptions)) for kind in ("x", "y", "optimal")},
+    ("plan", "verify"): (1, _options(PlanOptions)),
+    ("verify",): (2, _options(VerifyOptions)),
+    ("analyse",): (1, _options(AnalyseOptions, out=False)),
+    ("report",): (1, _options(AnalyseOptions)),
+    ("compare",): (2, _options(CompareOptions)),
+    ("history", "add"): (1, _options(AddOptions, out=False)),
+    ("history", "report"): (0, _options(HistoryPageOptions)),
+    ("run",): (1, _options(RunOptions)),
     **{
-        ("import", reader.name): (1, _IMPORT | _options_of(reader.read))
+        ("import", reader.name): (1, _options(ImportOptions, reader.read))
         for maker in makers()
         for reader in maker.read
     },
-    **{("import", "log", log.name): (1, _IMPORT | _options_of(read_log)) for log in known_logs()},
+    **{("import", "log", log.name): (1, _options(ImportOptions, read_log)) for log in known_logs()},
     **{
-        ("export", kind.name): (1, _EXPORT | _options_of(kind.text))
+        ("export", kind.name): (1, _options(ExportOptions, kind.text))
         for maker in makers()
         for kind in maker.offsets
     },
-    ("export", "program"): (
-        2,
-        _EXPORT | _options(("values", "--tool --frame --leave --call"), ("value", "--near --j3")),
-    ),
+    ("export", "program"): (2, _options(ProgramOptions, ExportOptions)),
     **{
-        ("export", "plan", form): (
-            1,
-            _options(("write", "--out"), ("value", "--speed --zone --tool --j3 --register --listener")),
-        )
+        ("export", "plan", form): (1, _options(ProgramMotion))
         for form in (*(program.name for program, _ in plan_programs()), "pdf")
     },
 }

@@ -12,16 +12,14 @@ import sys
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Mapping, Sequence
-from typing import Any, Literal
-
-from pydantic import Field
+from typing import Annotated, Any, Literal
 
 from ...analysis.answer.message import Action
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
 from ...model.parsing.confinement import WITHIN
+from ...model.records import it, record, to_json
 from ...words.time_left import TimeLeft
 from .answers.actions import action_of_result
 from .folder import Folder
@@ -45,26 +43,28 @@ PROGRESS = "ZEROBEAM_PROGRESS"  # what makes a command tell its progress in line
 _NumberedEvent = tuple[int, str, Any]  # number, kind, data
 
 
-class JobBrief(JsonDocument):
+@record(kw_only=True)
+class JobBrief:
     """A job without its log and answer."""
 
     id: str
     command: list[str]
     state: Literal["waiting", "running", "done", "stopped", "failed"]
-    share: float = Field(description="of the work that is done")
+    share: Annotated[float, it("of the work that is done")]
     stage: str
-    passed_s: float | None = Field(description="since it began, seconds")
-    left_s: float | None = Field(description="until its end, seconds, where that can be estimated")
-    left_at_least: bool = Field(description="whether it takes longer than that: it has not advanced for long")
-    status: int | None = Field(description="exit status of the command")
-    asks: Literal["lines", "confirm"] | None = Field(description="`confirm`: it waits for yes or no")
+    passed_s: Annotated[float | None, it("since it began, seconds")]
+    left_s: Annotated[float | None, it("until its end, seconds, where that can be estimated")]
+    left_at_least: Annotated[bool, it("whether it takes longer than that: it has not advanced for long")]
+    status: Annotated[int | None, it("exit status of the command")]
+    asks: Annotated[Literal["lines", "confirm"] | None, it("`confirm`: it waits for yes or no")]
 
 
+@record(kw_only=True)
 class JobWhole(JobBrief):
     """A job."""
 
-    log: list[str] = Field(description="the last lines of standard error")
-    answer: Any = Field(description="the JSON that the command printed")
+    log: Annotated[list[str], it("the last lines of standard error")]
+    answer: Annotated[Any, it("the JSON that the command printed")]
 
 
 class AppJob:
@@ -116,7 +116,7 @@ class AppJob:
 
     def whole(self) -> JobWhole:
         """With log and answer."""
-        return JobWhole(**dict(self.brief()), log=list(self.log), answer=self.answer)
+        return JobWhole(**vars(self.brief()), log=list(self.log), answer=self.answer)
 
     async def tell(self, kind: str, data: Any) -> None:
         """Add an event, for all who follow."""
@@ -205,7 +205,7 @@ class Jobs:
             if text not in ("yes", "no"):
                 raise BadInput("this is no answer", found=text[:50], allowed="yes or no")
             job.asks = None
-            await job.tell("progress", job.brief().to_json())
+            await job.tell("progress", to_json(job.brief()))
         process.stdin.write("".join(f"{line}\n" for line in text.splitlines() or [""]).encode())
         with contextlib.suppress(ConnectionError):
             await process.stdin.drain()
@@ -243,7 +243,7 @@ class Jobs:
             if not job.ended:
                 job.state = "stopped" if job.cancelled else "failed"
             job.took_s = None if job.started_at is None else time.monotonic() - job.started_at
-            await job.tell("end", job.whole().to_json())
+            await job.tell("end", to_json(job.whole()))
 
     async def _run(self, job: AppJob, password: str | None) -> None:
         job.state, job.started_at = "running", time.monotonic()
@@ -312,12 +312,12 @@ class Jobs:
                 event = event | {"action": await asyncio.to_thread(self._offered, job, event)}
             await job.tell("run", event)
             if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
-                await job.tell("progress", job.brief().to_json())
+                await job.tell("progress", to_json(job.brief()))
 
     def _offered(self, job: AppJob, event: Mapping[str, Any]) -> Any:
         """The button of a run's message: its command as the app's folder calls the files."""
         action = Action(**event["message"]["action"])
-        return action_of_result(self._folder, action, self._folder.inside(run_file(job.command))).to_json()
+        return to_json(action_of_result(self._folder, action, self._folder.inside(run_file(job.command))))
 
     async def _log(self, job: AppJob, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""
@@ -330,7 +330,7 @@ class Jobs:
             else:
                 job.share, job.stage = max(job.share, event[0]), event[1]
                 job.time_left.advanced(time.monotonic(), job.share)
-                await job.tell("progress", job.brief().to_json())
+                await job.tell("progress", to_json(job.brief()))
 
 
 async def _answer(job: AppJob, stream: asyncio.StreamReader) -> None:

@@ -4,52 +4,131 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, Field, TypeAdapter
+from pydantic import BaseModel, TypeAdapter, create_model
 
 from ...model.errors import BadInput, ZerobeamError
-from ...model.files.json_document import JsonDocument
 from ...model.parsing.reading import DEEPEST, MOST_VALUES, KeyPath
-from ...model.parsing.validation import Model, validate
+from ...model.parsing.validation import FileModel, Model, validate
+from ...model.records import it, record, to_json
+
+Answering = TypeVar("Answering", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Precondition:
+    """What a request that writes says of the file that is there: the headers If-Match and If-None-Match."""
+
+    match: str | None = None
+    none_match: str | None = None
+
+    @classmethod
+    def of(cls, headers: Mapping[str, str]) -> Precondition:
+        return cls(headers.get("if-match"), headers.get("if-none-match"))
 
 
 @dataclass(frozen=True)
 class EndPoint:
-    """`answer` is called with the folder, and with what was sent as the model `sent`, or with the texts of
-    the query by the names in `query` (empty where one is missing). It returns a model, or raises a
-    ZerobeamError.
-    A coroutine function waits for a process of its own; others are called one at a time. One that is
-    `conditional` replaces files: it is also called with the Precondition of the request.
+    """`answer` is called with the folder and what its other parameters say is sent: the texts of the query
+    (empty where one is missing), or the keys of a JSON object, by a model or each by itself. It returns what
+    is written as JSON, or raises a ZerobeamError.
+
+    A coroutine function waits for a process of its own; others are called one at a time. One that has a
+    Precondition replaces files: it gets that of the request.
     """
 
     path: str
     method: str
     says: str
     answer: Callable[..., Any]
-    sent: type[BaseModel] | None = None
-    query: tuple[str, ...] = ()
-    conditional: bool = False
     status: int = 200
+
+    @cached_property
+    def _function(self) -> Callable[..., Any]:
+        function: Callable[..., Any] = inspect.unwrap(self.answer)
+        return function
+
+    @cached_property
+    def _sent(self) -> dict[str, tuple[Any, Any]]:
+        """Type and default (...: none) of what is sent, by the parameter."""
+        hints = get_type_hints(self._function, include_extras=True)
+        _, *parameters = inspect.signature(self._function).parameters.values()
+        return {
+            one.name: (hints[one.name], ... if one.default is one.empty else one.default)
+            for one in parameters
+            if hints[one.name] is not Precondition
+        }
+
+    @property
+    def query(self) -> tuple[str, ...]:
+        """The names of the query."""
+        return tuple(self._sent) if self.method == "GET" else ()
+
+    @cached_property
+    def conditional(self) -> bool:
+        """Whether it replaces files."""
+        return Precondition in get_type_hints(self._function).values()
+
+    @cached_property
+    def _model(self) -> type[BaseModel] | None:
+        """The model that alone is sent."""
+        kinds = [kind for kind, _ in self._sent.values()]
+        one = len(kinds) == 1 and isinstance(kinds[0], type) and issubclass(kinds[0], BaseModel)
+        return kinds[0] if one else None
+
+    @cached_property
+    def sent(self) -> type[BaseModel] | None:
+        """The model of what is sent; None where nothing is."""
+        if self.method == "GET" or self._model is not None:
+            return self._model
+        name = "".join(word.capitalize() for word in self.path.removeprefix("/api").split("/"))
+        fields: Any = self._sent
+        return create_model(f"{name}Request", __base__=FileModel, __doc__=self.says, **fields)
+
+    def arguments(self, query: Mapping[str, str], content: Any, headers: Mapping[str, str]) -> Arguments:
+        """The arguments of `answer` behind the folder; Refused with the key of what is wrong."""
+        arguments: Arguments = {name: query.get(name, "") for name in self.query}
+        if self.sent is not None:
+            sent = as_model(self.sent, content)
+            arguments |= {next(iter(self._sent)): sent} if self._model is not None else dict(sent)
+        if self.conditional:
+            arguments["precondition"] = Precondition.of(headers)
+        return arguments
 
     @cached_property
     def returned(self) -> TypeAdapter[Any]:
         """What `answer` returns, by its annotation: how it is written, and its schema."""
-        hints = get_type_hints(inspect.unwrap(self.answer))
-        return TypeAdapter(hints["return"])
+        return TypeAdapter(get_type_hints(self._function, include_extras=True)["return"])
 
     def plain(self, answer: object) -> Any:
         """An answer as JSON has it."""
-        return self.returned.dump_python(answer, mode="json", by_alias=True)
+        return to_json(answer)
+
+
+END_POINTS: list[EndPoint] = []
+"""In the order in which the modules of the answers are loaded."""
+
+
+def end_point(route: str, says: str, *, status: int = 200) -> Callable[[Answering], Answering]:
+    """Make a function the answer of an end point: `route` is its method and path, `says` what it is for."""
+    method, path = route.split()
+
+    def added(answer: Answering) -> Answering:
+        END_POINTS.append(EndPoint(path, method, says, answer, status))
+        return answer
+
+    return added
 
 
 Answer = TypeVar("Answer")
 Content = dict[str, Any]  # of a YAML file, as it is sent
+Arguments = Content  # of a function, by name
 
 
 class Refused(BadInput):
@@ -128,17 +207,19 @@ def refused(error: BadInput, key: KeyPath) -> Refused:
     return same
 
 
-class ErrorFacts(JsonDocument):
+@record(kw_only=True)
+class ErrorFacts:
     """What is wrong."""
 
     what: str
     found: str | None = None
     allowed: str | None = None
     to_do: str | None = None
-    key: list[str | int] | None = Field(default=None, description="leads to the value in what was sent")
+    key: Annotated[list[str | int] | None, it("leads to the value in what was sent")] = None
 
 
-class ErrorAnswer(JsonDocument):
+@record(kw_only=True)
+class ErrorAnswer:
     """A refusal."""
 
     error: ErrorFacts

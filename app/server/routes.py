@@ -22,15 +22,15 @@ from ...model.errors import BadInput
 from ...model.files.whole_file import write_whole
 from ...model.parsing.confinement import confined
 from ...model.parsing.reading import LARGEST_YAML, parse_json, read_text
+from ...model.records import to_json
 from .answers.results import read_result, report_files
-from .end_points import END_POINTS, description
+from .end_points import description
 from .folder import Folder, kind_of
 from .guard import LARGEST_BODY, SHOWN, Access, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import AppJob, Jobs
-from .requests import EndPoint, as_model, require_plain
+from .requests import END_POINTS, Arguments, EndPoint, Precondition, as_model, require_plain
 from .versions import (
-    Precondition,
     WrittenFile,
     etag,
     matches,
@@ -86,18 +86,16 @@ class EndPoints:
     def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:
             async with self.places:
-                of: list[Any] = [request.query_params.get(name, "") for name in point.query]
-                if point.sent is not None:
-                    of.append(as_model(point.sent, await _content(request)))
-                if point.conditional:
-                    of.append(Precondition.of(request.headers))
-                return await self._calculated(request, point, *of)
+                content = None if point.sent is None else await _content(request)
+                return await self._calculated(
+                    request, point, point.arguments(request.query_params, content, request.headers)
+                )
 
         return answered
 
     async def files(self, request: Request) -> Response:
         files = await asyncio.to_thread(self.folder.files)
-        return _unless_known(request, JSONResponse([file.to_json() for file in files]))
+        return _unless_known(request, JSONResponse([to_json(file) for file in files]))
 
     async def download(self, request: Request) -> Response:
         path = self.folder.file(request.query_params.get("file", ""))
@@ -132,7 +130,7 @@ class EndPoints:
             content = await _body(request, LARGEST_BODY)
             await asyncio.to_thread(self._replace, path, content, precondition)
         written = WrittenFile(file=self.folder.called(path), bytes=len(content), version=version_of(path))
-        return JSONResponse(written.to_json(), status_code=200 if there else 201)
+        return JSONResponse(to_json(written), status_code=200 if there else 201)
 
     def _replace(self, path: Path, content: bytes, precondition: Precondition) -> None:
         with replacing(path, precondition, lambda: _text_of(path)) as force:
@@ -153,7 +151,7 @@ class EndPoints:
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": _ALONE})
 
     async def jobs_told(self, request: Request) -> Response:
-        return JSONResponse([job.brief().to_json() for job in self.jobs.all()])
+        return JSONResponse([to_json(job.brief()) for job in self.jobs.all()])
 
     async def begin_job(self, request: Request) -> Response:
         request_sent = as_model(AskedJob, await _content(request))
@@ -162,17 +160,17 @@ class EndPoints:
         return JSONResponse({"id": str(job.number)}, status_code=201)
 
     async def job(self, request: Request) -> Response:
-        return JSONResponse(self._job(request).whole().to_json())
+        return JSONResponse(to_json(self._job(request).whole()))
 
     async def end_job(self, request: Request) -> Response:
         job = self._job(request)
         self.jobs.cancel(job)
-        return JSONResponse(job.brief().to_json())
+        return JSONResponse(to_json(job.brief()))
 
     async def job_line(self, request: Request) -> Response:
         job = self._job(request)
         await self.jobs.answer(job, as_model(AskedLine, await _content(request)).text)
-        return JSONResponse(job.brief().to_json())
+        return JSONResponse(to_json(job.brief()))
 
     async def job_events(self, request: Request) -> Response:
         last = request.headers.get("last-event-id", "")
@@ -188,21 +186,21 @@ class EndPoints:
             raise HTTPException(404)
         return job
 
-    async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
+    async def _calculated(self, request: Request, point: EndPoint, of: Arguments) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
-                return _with_version(point.plain(await point.answer(self.folder, *of)), point.status)
+                return _with_version(point.plain(await point.answer(self.folder, **of)), point.status)
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
             loop = asyncio.get_running_loop()
-            work = functools.partial(self._confined, point, *of)
+            work = functools.partial(self._confined, point, of)
             return _with_version(await loop.run_in_executor(self.thread, work), point.status)
 
-    def _confined(self, point: EndPoint, *of: Any) -> Any:
+    def _confined(self, point: EndPoint, of: Arguments) -> Any:
         """The answer; files that files name are refused where they are not below the folder."""
         with confined(self.folder.root):
-            return point.plain(point.answer(self.folder, *of))
+            return point.plain(point.answer(self.folder, **of))
 
 
 def _with_version(answer: Any, status: int) -> JSONResponse:

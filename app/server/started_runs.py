@@ -9,11 +9,9 @@ import json
 from collections.abc import Sequence
 from typing import Literal
 
-from pydantic import Field
-
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import write_whole
+from ...model.records import read, record, to_json
 from .folder import Folder
 from .job_commands import job_command
 
@@ -24,17 +22,19 @@ _RESUME = "--resume"
 _OURS = ("--json-lines", "--scene", "--")  # what the server adds to what was asked for
 
 
-class StartedRun(JsonDocument):
+@record(kw_only=True)
+class StartedRun:
     """A run that the app has started."""
 
     command: list[str]
     ended: bool
 
 
-class _RunsFile(JsonDocument):
+@record(kw_only=True)
+class _RunsFile:
     """The content of the file, by the names of run files."""
 
-    schema_: Literal["zerobeam/app-runs/1"] = Field(default=_SCHEMA, alias="schema")
+    schema: Literal["zerobeam/app-runs/1"] = _SCHEMA
     runs: dict[str, StartedRun]
 
 
@@ -82,7 +82,7 @@ class StartedRuns:
         """What is not as it was written counts as nothing: it only spares a person the typing."""
         try:
             content = json.loads(self._folder.private(_FILE).read_text(encoding="utf-8"))
-            return _RunsFile.from_json(content).runs
+            return read(_RunsFile, content).runs
         except (OSError, ValueError, BadInput):
             return {}
 
@@ -90,7 +90,7 @@ class StartedRuns:
         runs = self._read()
         runs.pop(name, None)
         runs[name] = entry
-        content = _RunsFile(runs=dict(list(runs.items())[-_MOST:])).to_json()
+        content = to_json(_RunsFile(runs=dict(list(runs.items())[-_MOST:])))
         try:
             path = self._folder.private(_FILE)
             path.parent.mkdir(exist_ok=True)

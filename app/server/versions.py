@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import is_dataclass
 from pathlib import Path
-
-from pydantic import Field
+from typing import Annotated, Any
 
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
+from ...model.records import it, record, to_json
 from .kept import Kept
-from .requests import Content, ErrorAnswer
+from .requests import Content, ErrorAnswer, Precondition
 
 MOST_HASHED = 16 * 10**6  # bytes; a larger file has its version by size and time
 _DIGITS = 32
 _VERSIONS = Kept(8000)
 
 
-class Versioned(JsonDocument):
+@record(kw_only=True)
+class Versioned:
     """What is made of one file."""
 
-    version: str = Field(description="of the file: what If-Match takes when it is replaced")
+    version: Annotated[str, it("of the file: what If-Match takes when it is replaced")]
 
 
+@record(kw_only=True)
 class WrittenFile(Versioned):
     """A file that was written as it was sent."""
 
@@ -33,36 +34,27 @@ class WrittenFile(Versioned):
     bytes: int
 
 
+@record(kw_only=True)
 class CurrentFile(Versioned):
     """What a file holds now."""
 
-    content: Content | str | None = Field(
-        description="what GET answers, the text of a file that is sent as it is; null where it is neither"
-    )
+    content: Annotated[
+        Content | str | None,
+        it("what GET answers, the text of a file that is sent as it is; null where it is neither"),
+    ]
 
 
+@record(kw_only=True)
 class ConflictAnswer(ErrorAnswer):
     """A refusal: the file is not the one that was to be replaced."""
 
-    current: CurrentFile | None = Field(description="null where there is no file any more")
+    current: Annotated[CurrentFile | None, it("null where there is no file any more")]
 
 
 class Conflict(BadInput):
     """A file is not the version that was to be replaced; `current` is what is there."""
 
     current: CurrentFile | None = None
-
-
-@dataclass(frozen=True)
-class Precondition:
-    """What a request that writes says of the file that is there: the headers If-Match and If-None-Match."""
-
-    match: str | None = None
-    none_match: str | None = None
-
-    @classmethod
-    def of(cls, headers: Mapping[str, str]) -> Precondition:
-        return cls(headers.get("if-match"), headers.get("if-none-match"))
 
 
 def version_of_bytes(content: bytes) -> str:
@@ -99,9 +91,7 @@ def matches(header: str, version: str) -> bool:
 
 
 @contextmanager
-def replacing(
-    path: Path, precondition: Precondition, current: Callable[[], JsonDocument | str | None]
-) -> Iterator[bool]:
+def replacing(path: Path, precondition: Precondition, current: Callable[[], object]) -> Iterator[bool]:
     """Within, the file may be written: whether it takes the place of one that is there.
 
     Conflict where it is not the one that `precondition` states, also where a new file's name is taken
@@ -128,7 +118,7 @@ def replacing(
         raise
 
 
-def _conflict(path: Path, *, changed: bool, current: Callable[[], JsonDocument | str | None]) -> Conflict:
+def _conflict(path: Path, *, changed: bool, current: Callable[[], object]) -> Conflict:
     error = Conflict(
         "the file has changed since it was read" if changed else "the file exists already",
         found=path.name,
@@ -141,6 +131,6 @@ def _conflict(path: Path, *, changed: bool, current: Callable[[], JsonDocument |
         content = current()
     except BadInput:
         content = None
-    plain = content.to_json() if isinstance(content, JsonDocument) else content
+    plain: Any = to_json(content) if is_dataclass(content) else content
     error.current = CurrentFile(version=version, content=plain)
     return error

@@ -5,15 +5,15 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ...model.errors import BadInput
 from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, require_regular, shown
+from ...model.records import it, record
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
 from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
@@ -27,7 +27,7 @@ _COUNTED = re.compile(r"(.*?)(\d{1,2})(\D*)")
 _COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
-@dataclass(frozen=True)
+@record
 class TableColumn:
     """`stated` is what an import calls the column: its name, or its number where the name cannot be stated.
 
@@ -42,7 +42,7 @@ class TableColumn:
     line: int | None
 
 
-@dataclass(frozen=True)
+@record
 class Layout:
     """The layout of a table as far as its text shows; `why` has a sentence for each conclusion."""
 
@@ -169,28 +169,30 @@ _JOINT_STATE = re.compile(r"^(?:name|position)\s*:", re.MULTILINE)
 _MOST_SHOWN = 500  # points, messages
 
 
-@dataclass(frozen=True)
+@record
+class NamedPoint:
+    """A taught point, and whether it has joints."""
+
+    name: str
+    joints: bool
+
+
+@record
 class Contents:
-    """`form` is what the file is, and `why` that is seen; `count` has what it holds, in words. `formats` are
-    those that an import of it may have: the words of the command behind `import`.
+    """What a recording holds: a table, taught points, a bag, joint states in text, or a file of ours."""
 
-    Of a table: `layout`, `columns`, the `rows` that were looked at and whether they are all (`whole`). Of
-    taught points: `points`, each with its name and whether it has joints. Of a bag: `topics`. Of joint states
-    in text: `names` of the joints. Of a file of ours: its `kind`.
-    """
-
-    form: str
-    why: str
-    count: str
-    formats: tuple[str, ...] = ()
+    form: Annotated[str, it("what the file is")]
+    why: Annotated[str, it("how that is seen")]
+    count: Annotated[str, it("what it has, in words")]
+    formats: Annotated[tuple[str, ...], it("of imports that may read it: the words behind `import`")] = ()
     layout: Layout | None = None
     columns: tuple[TableColumn, ...] = ()
-    rows: int = 0
-    whole: bool = True
-    points: tuple[tuple[str, bool], ...] = ()
+    rows: Annotated[int, it("of a table: how many were looked at")] = 0
+    whole: Annotated[bool, it("of a table: these are all")] = True
+    points: tuple[NamedPoint, ...] = ()
     topics: tuple[Topic, ...] = ()
-    names: tuple[str, ...] = ()
-    kind: str = ""
+    names: Annotated[tuple[str, ...], it("of joint states in text: the joints")] = ()
+    kind: Annotated[str, it("of a file of zerobeam")] = ""
 
 
 def contents_of(path: Path, layout: Layout | None = None) -> Contents:
@@ -256,7 +258,11 @@ def _points(marked: Sequence[tuple[Reader, FormatMark]], text: str, path: Path) 
     taught = sum(point.joints is not None for point in points)
     count = f"{len(points)} points, {taught} with joint values"
     is_plan = any(POSTURE.fullmatch(point.name) for point in points)
-    shown = () if is_plan else tuple((point.name, point.joints is not None) for point in points[:_MOST_SHOWN])
+    shown = (
+        ()
+        if is_plan
+        else tuple(NamedPoint(point.name, point.joints is not None) for point in points[:_MOST_SHOWN])
+    )
     formats = tuple(dict.fromkeys(reader.name for reader, _ in marked))
     return Contents(reader.name, mark.why, count, formats, points=shown)
 

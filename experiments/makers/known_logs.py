@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
+from ...model.options import Option
 from .maker import (
     Decimal,
     J3Counting,
     KnownLog,
     MarkerColumn,
-    Option,
     StillDeg,
     StillMm,
     StillSeconds,

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .maker import FormatMark, PointNames, names_of
+from .maker import FormatMark, PointNames
 
 if TYPE_CHECKING:
     from ...model.files.plan import Plan
     from .line_language import LineLanguage
-    from .plan_programs import ProgramMotion
+    from .options import ProgramMotion
     from .recordings import Imported, ImportJob, TaughtPoint
 
 Named = Callable[[str, "list[TaughtPoint]"], "list[TaughtPoint]"]
@@ -65,8 +65,7 @@ class LineFormat:
             if log is not None and points is None and is_program_log(job):
                 return import_program_log(job, source=log)
             language, _, named = self.parts()
-            names = names_of(points)
-            return import_taught(language, job, points=names, vendor=vendor, note=note, named=named)
+            return import_taught(language, job, points=points, vendor=vendor, note=note, named=named)
 
         read.__doc__ = about
         return read

@@ -6,7 +6,6 @@ entry. What a maker lacks is empty. Only what a command needs is loaded.
 
 from __future__ import annotations
 
-import inspect
 import math
 import pkgutil
 import re
@@ -15,9 +14,10 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar
 
 from ...model.errors import BadInput
+from ...model.options import Option, names_typed
 from ...words.controllers import Takes
 
 if TYPE_CHECKING:
@@ -33,41 +33,12 @@ Holds = Literal["offsets", "links", "postures", "all"]
 _OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|comau|meca ?500"
 
 
-@dataclass(frozen=True)
-class Option:
-    """An option of a command for a format, as an annotation of a parameter: what help says of it."""
-
-    help: str
-    flag: str | None = None
-    least: int | None = None
-
-
-@dataclass(frozen=True)
-class FormatOption:
-    """An option of a format: its flag, the kinds that its value may be of, and the value that is usual."""
-
-    flag: str
-    help: str
-    kinds: tuple[Any, ...]
-    default: object
-
-
-def options_of_format(text: Callable[..., object]) -> list[FormatOption]:
-    """The options of a format, of which the parameters of its function say what they are."""
-    options = []
-    for parameter in inspect.signature(text).parameters.values():
-        annotation = get_args(parameter.annotation)
-        for option in (part for part in annotation[1:] if isinstance(part, Option)):
-            flag = option.flag or f"--{parameter.name.replace('_', '-')}"
-            kinds = (annotation[0], *get_args(annotation[0]))
-            options.append(FormatOption(flag, option.help, kinds, parameter.default))
-    return options
-
-
 J3Counting = Annotated[
     Literal["ground", "link"] | None, Option("What joint 3 is counted from, if not as the robot file states.")
 ]
-PointNames = Annotated[str | None, Option("Points to use, by name: a,b,c (default: all).")]
+PointNames = Annotated[
+    Sequence[str] | None, Option("Points to use, by name: a,b,c (default: all).", text=names_typed)
+]
 StillDeg = Annotated[float | None, Option("Dwell: each joint within so many degrees.")]
 StillSeconds = Annotated[float | None, Option("Dwell: for at least so many seconds.")]
 StillMm = Annotated[float | None, Option("Dwell: each prismatic joint within so many mm.")]
@@ -264,11 +235,6 @@ def require_vendor(robot: Robot, vendor: Vendor, what: str, remedy: str | None =
         allowed=f"a robot of {name}",
         remedy=remedy or "choose the format of this robot's controller; csv is for every robot",
     )
-
-
-def names_of(text: str | None) -> list[str] | None:
-    """Names that are separated by commas."""
-    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def numbers_of(text: str, option: str, allowed: str) -> list[float]:

@@ -15,9 +15,10 @@ from ...model.files.plan import Plan
 from ...model.files.robot_file import Vendor
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.kinematics.pendant import Pendant, pendant_of
-from ...model.kinematics.robot import J3, Robot
+from ...model.kinematics.robot import Robot
 from ..plans.constraints import require_constraints
 from .maker import PlanProgram, one_line, plan_programs, require_vendor
+from .options import ProgramMotion
 
 LOG = "zerobeam posture"  # what a line of a program's log begins with, before number, unit and values
 LOG_PLAN = "zerobeam plan"  # … and the line that says of which plan it is
@@ -25,45 +26,7 @@ REHEARSAL = "zerobeam rehearsal"
 
 _DIGITS = 9  # decimals of a degree (mm): more than a plan is written with
 _SHOWN_HASH = 12
-_FASTEST = 60.0  # deg/s
 _SUPPOSED_TOP = 1000.0  # deg/s, of a joint whose speed the robot file does not state: faster than any
-
-
-@dataclass(frozen=True)
-class ProgramMotion:
-    """How a program moves, by options of the command.
-
-    `speed` deg/s is that of the fastest joint; `zone` rounds the path at intermediate postures, mm or percent
-    as the language has it, 0 stops there; `tool` is its name or number in the controller; `j3` what the
-    controller counts joint 3 from, if it is not as the robot file states; `register` the first position
-    register for what is recorded; `listener` HOST:PORT.
-    """
-
-    speed: float = 10.0
-    zone: float = 0.0
-    tool: str | None = None
-    j3: J3 | None = None
-    register: int | None = None
-    listener: str | None = None
-
-    def __post_init__(self) -> None:
-        if not 0.1 <= self.speed <= _FASTEST:
-            raise BadInput(
-                "--speed is out of range",
-                found=f"{self.speed:g}",
-                allowed=f"0.1 to {_FASTEST:g} degrees a second: people stand beside the arm",
-            )
-        if not 0 <= self.zone <= 100:
-            raise BadInput(
-                "--zone is out of range", found=f"{self.zone:g}", allowed="0 (stop) to 100 (mm or percent)"
-            )
-
-    def require_only(self, language: str, options: Sequence[str]) -> None:
-        """BadInput for the first of the stated options that the language has no place for."""
-        unset = ProgramMotion()
-        for name in vars(unset):
-            if name not in options and getattr(self, name) != getattr(unset, name):
-                raise BadInput(f"--{name} is not for {language}", remedy=f"leave --{name} out")
 
 
 @dataclass(frozen=True)

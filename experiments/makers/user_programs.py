@@ -20,12 +20,13 @@ from ...model.errors import BadInput
 from ...model.files.robot_file import Vendor
 from ...model.kinematics.orientation import stated_numbers
 from ...model.kinematics.pendant import Pendant, pendant_of
-from ...model.kinematics.robot import J3, Robot
+from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import read_bytes
 from ...words.wording import listed
 from .calibration import NO_ROBOT, RobotCalibration
 from .line_programs import for_correction
 from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
+from .options import ProgramOptions
 from .plan_programs import require_axes
 from .program_parts import Edit, Language, Parsed, ProgramFacts, RequiredPose, Source
 from .solving import Arms, CorrectedTarget, Corrections, correct_targets, up_to_flange
@@ -43,18 +44,6 @@ _SHORT = (  # the same, where a remark has few letters
     "FIRST RUN AT REDUCED SPEED",
 )
 _SHOWN = 8  # problems of a program that are named
-
-
-@dataclass(frozen=True)
-class ProgramOptions:
-    """Options of the command, as they were typed."""
-
-    tools: Sequence[str] = ()
-    frames: Sequence[str] = ()
-    leave: Sequence[str] = ()
-    near: str | None = None
-    j3: J3 | None = None
-    calls: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

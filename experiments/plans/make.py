@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from math import radians
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Self
 
 import numpy as np
 
 from ...analysis.acceptance.acceptance import LackingTest, lacking_test
-from ...analysis.design.continuous_design import Criterion
 from ...analysis.observability.check import Check
 from ...model.arrays import Progress
 from ...model.errors import BadInput
@@ -26,47 +26,37 @@ from ...words.acceptance import lacking_test_sentence
 from ...words.observability import no_plan_sentence, power_sentences
 from .candidates import CandidatePostures, Planned, candidates, pools_in_words
 from .constraints import View, check_plan
+from .obstacles import read_obstacles
 from .optimal import Fewest, Planner, Proposal
-from .patterns import USUAL, Line, pattern
+from .patterns import Line, pattern
+from .plan_options import Pattern, PlanOptions, Portion
 
 _USUAL, _USUAL_UNCERTAIN = 7, 20  # measurements: of a pattern or an exact arm, of an uncertain arm
 _LOOSE = 0.8  # a certified efficiency below this needs a word
+NO_OBSTACLES = Obstacles()
 _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controller moves
 
 
-class Portion(NamedTuple):
-    """How many measurements an instrument makes, and of which targets (none named: of all that it can)."""
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest(PlanOptions):
+    """Request for a plan of a header, whose paths are relative to a folder; `bodies` are the obstacles."""
 
-    number: int
-    targets: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class PlanRequest:
-    """Request for a plan: degrees and millimetres, as people state them.
-
-    `target` None: where the header says. `shots` None: as many as usual; `measure` says by the label of each
-    of several instruments how many it makes, and of which targets. From `facing` on the constraints of an
-    optimal plan, which are kept in it; a pattern has none.
-    """
-
-    kind: Literal["x", "y", "optimal"]
+    kind: Pattern = "optimal"
     header: Header
     header_folder: Path
-    target: tuple[float, ...] | None
-    shots: int | None
-    measure: Mapping[str, Portion]
-    candidates: int
-    criterion: Criterion
-    tolerance: float | None
-    max_shots: int
-    facing: tuple[float, ...] | None
-    acceptance_deg: float
-    beam_mm: tuple[float, ...]
-    margin_deg: float
-    obstacles: Obstacles
-    seed: int
-    line: Line = USUAL  # of a pattern
+    bodies: Obstacles = NO_OBSTACLES
+
+    @classmethod
+    def of(cls, kind: Pattern, header: Header, folder: Path, options: PlanOptions) -> Self:
+        """The request for what is stated; its obstacles are read."""
+        bodies = NO_OBSTACLES if options.obstacles is None else read_obstacles(options.obstacles)
+        return cls(**vars(options), kind=kind, header=header, header_folder=folder, bodies=bodies)
+
+    @property
+    def line(self) -> Line:
+        """Of a pattern."""
+        roll = None if self.roll_deg is None else radians(self.roll_deg)
+        return Line(self.distance_mm, self.height_mm, self.width_mm, roll)
 
     @property
     def measurements(self) -> int:
@@ -85,7 +75,7 @@ class MadePlan:
     and where none was asked for.
     """
 
-    kind: Literal["x", "y", "optimal"]
+    kind: Pattern
     plan: Plan | None
     file: Path | None
     checked: Check | None
@@ -261,7 +251,7 @@ def candidate_pools(
                     None,
                     -(-request.candidates // total),
                     view=View.of(_constraints(request)),
-                    obstacles=request.obstacles,
+                    obstacles=request.bodies,
                     seed=request.seed + len(pools),
                     planned=one,
                     progress=lambda share: tell((len(pools) + share) / total),
@@ -401,7 +391,7 @@ def _constraints(request: PlanRequest) -> StatedConstraints:
             allowed="0 <= shortest < longest",
             argument="beam_mm",
         )
-    constraints: dict[str, object] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
+    constraints: dict[str, object] = {"margin_deg": request.margin_deg, "obstacles": request.bodies}
     if any(kind.beam for kind in request.header.kinds.values()):
         if request.facing is not None:
             constraints = {"facing": request.facing, "acceptance_deg": request.acceptance_deg, **constraints}

@@ -29,15 +29,15 @@ from ...analysis.observability.outlook import predicted_covariance
 from ...model.arrays import Matrix, Progress
 from ...model.errors import located
 from ...model.files.header import Header
-from ...model.files.plan_file import Obstacles
 from ...model.files.robot_file import load_robot
 from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.validation import FileModel, Name, Positive, Vector, read_model, validate
 from ...words import numbers
-from ..plans.make import PlanRequest, Portion, candidate_pools, portions
+from ..plans.make import PlanRequest, candidate_pools, portions
 from ..plans.optimal import Planner, Proposal
+from ..plans.plan_options import Portion
 from .answer import StudyAnswer
 from .case_store import each_piece, heading_of
 
@@ -190,21 +190,11 @@ def _case(piece: _SetupToPlan) -> SetupCase:
     robot, parts = load_robot(header.robot, folder), setup.measure
     whole = sum(part.share for part in parts.values())
     request = PlanRequest(
-        kind="optimal",
         header=header,
         header_folder=folder,
-        target=None,
-        shots=None,
         measure={label: Portion(part.share) for label, part in parts.items()},
         candidates=_CANDIDATES,
-        criterion="A",
-        tolerance=None,
         max_shots=2,
-        facing=(0.0, 0.0, 1.0),
-        acceptance_deg=60.0,
-        beam_mm=(200.0, 2000.0),
-        margin_deg=5.0,
-        obstacles=Obstacles(),
         seed=piece.seed,
     )
     pools = candidate_pools(request, header, robot, portions(request), lambda share: None)

@@ -18,6 +18,7 @@ from zerobeam.app.server.answers.actions import action_of_result
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import job_command
 from zerobeam.experiments.makers.maker import makers
+from zerobeam.model.records import to_json
 
 
 def checked(client: TestClient, content: dict[str, Any], **other: Any) -> Any:
@@ -186,7 +187,7 @@ def test_a_command_becomes_a_button(root: Path, typed: str, label: str, then: st
     shutil.move(root / "run.jsonl", root / "sub")
     folder = Folder(root)
     shutil.copy(root / "plan.yaml", root / "sub" / "plan.yaml")
-    offered = action_of_result(folder, Action("Do it.", typed), folder.root / "sub/run.jsonl").to_json()
+    offered = to_json(action_of_result(folder, Action("Do it.", typed), folder.root / "sub/run.jsonl"))
     assert (offered["label"], offered["does"]["then"]) == (label, then)
     command = offered["does"]["command"]
     job_command(folder, command)

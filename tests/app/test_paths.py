@@ -20,9 +20,9 @@ from cells import good_plan
 from command_line import plan_file
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.end_points import END_POINTS
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import ALLOWED, job_command
+from zerobeam.app.server.requests import END_POINTS
 from zerobeam.commands.program import app
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
@@ -225,7 +225,8 @@ def unchanged(there: Path) -> Iterator[None]:
 
 def test_the_table_has_every_field(client: TestClient) -> None:
     for point in END_POINTS:
-        fields = [*point.query, *(point.sent.model_fields if point.sent is not None else ())]
+        sent = {} if point.sent is None else point.sent.model_fields
+        fields = [*point.query, *(field.alias or name for name, field in sent.items())]
         assert set(fields) <= PATHS | OTHERS, point.path
         for field in set(fields) & PATHS:
             assert f"{point.method} {point.path} {field}" in REQUESTS, (point.path, field)
@@ -393,6 +394,13 @@ def test_no_word_of_a_job_leads_out(there: Path, name: str) -> None:
             with pytest.raises(BadInput):
                 job_command(folder, command)
     assert tried > 500
+
+
+def test_what_a_person_alone_may_state_is_no_option_of_a_job() -> None:
+    options = {key for _, allowed in ALLOWED.values() for key in allowed}
+    alone = {"--force", "--overwrite", "--yes", "--password", "--watch", "--recorded", "--drop", "--save"}
+    assert not options & {*alone, "--workers", "--scheduler", "--json", "--picture", "--serial", "--when"}
+    assert {"--resume", "--host", "--user", "--hold-out", "--distance"} <= options  # the control
 
 
 def test_no_option_of_a_job_is_stated_twice(there: Path) -> None:

@@ -190,14 +190,14 @@ def test_a_run_with_pictures_is_resumed_to_the_same_bytes(
 @pytest.mark.long
 def test_an_adaptive_run_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan, step: int) -> None:
     """After every row, or every third."""
-    request = RunRequest("simulated", seed=2, camera=False, tolerance=0.03)
+    request = RunRequest("simulated", seed=2, camera=False, adaptive=True, tolerance=0.03)
     answer = record(plan, tmp_path / "unbroken.jsonl", request, silent)
     whole = (tmp_path / "unbroken.jsonl").read_bytes()
     rows = whole.splitlines(keepends=True)
     for kept in range(2 if step > 1 else 1, len(rows), step):
         file = tmp_path / f"{kept}.jsonl"
         file.write_bytes(b"".join(rows[:kept]))
-        again = RunRequest("simulated", seed=2, camera=False, tolerance=0.03, resume=True)
+        again = RunRequest("simulated", seed=2, camera=False, adaptive=True, tolerance=0.03, resume=True)
         assert record(plan, file, again, silent)["parameters"] == answer["parameters"]
         assert file.read_bytes() == whole
 
@@ -322,7 +322,8 @@ def test_a_stop_of_the_robot_ends_the_run_and_it_can_be_gone_on_with(tmp_path: P
     with pytest.raises(RigFault, match="stopped by itself"):
         record(plan, tmp_path / "run.jsonl", request, silent)
     assert [shot.shot for shot in read_run(tmp_path / "run.jsonl").shots] == [0, 1, 2]
-    answer = record(plan, tmp_path / "run.jsonl", RunRequest("simulated", 4, cell, resume=True), silent)
+    again = RunRequest("simulated", seed=4, cell=cell, resume=True)
+    answer = record(plan, tmp_path / "run.jsonl", again, silent)
     assert answer["shots"] == list(range(7))
 
 
@@ -332,10 +333,10 @@ def test_a_probe_is_led_by_hand(tmp_path: Path) -> None:
     assert answer["shots"] == list(range(6))
     rows = (tmp_path / "run.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "part.jsonl").write_bytes(b"".join(rows[:4]))
-    record(plan, tmp_path / "part.jsonl", RunRequest("simulated", 4, camera=False, resume=True), silent)
+    record(plan, tmp_path / "part.jsonl", RunRequest("simulated", seed=4, camera=False, resume=True), silent)
     assert (tmp_path / "part.jsonl").read_bytes() == b"".join(rows)
     with pytest.raises(BadInput, match="--adaptive is for a laser"):
-        record(plan, tmp_path / "other.jsonl", RunRequest("simulated", tolerance=0.1), silent)
+        record(plan, tmp_path / "other.jsonl", RunRequest("simulated", adaptive=True, tolerance=0.1), silent)
 
 
 def test_a_recorded_run_is_replayed_to_the_same_answer(
@@ -367,7 +368,7 @@ def test_a_closing_shot_repeats_the_first_posture_and_is_replayed(tmp_path: Path
     assert (tmp_path / "part.jsonl").read_bytes() == b"".join(rows)
 
 
-@pytest.mark.parametrize("other", [{"closing": True}, {"tolerance": 0.1}])
+@pytest.mark.parametrize("other", [{"closing": True}, {"adaptive": True, "tolerance": 0.1}])
 def test_intermediate_postures_are_for_the_order_of_the_plan_alone(
     tmp_path: Path, plan: Plan, other: dict[str, Any], refused: Callable[..., BadInput]
 ) -> None:

@@ -5,15 +5,13 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
-
-from pydantic import Field
+from typing import Annotated, Literal
 
 from ....analysis.answer.message import Action
 from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
+from ....model.records import it, record
 from ....words.plan_message import tried_change
 from ..folder import Folder
 from ..job_commands import job_command
@@ -22,34 +20,38 @@ Step = Literal["plan", "measure", "result", "cell"]
 _DECIMALS = 6
 
 
-class DoesJob(JsonDocument):
+@record(kw_only=True)
+class DoesJob:
     """The button begins a job, and the page shows what it makes."""
 
     kind: Literal["job"] = "job"
-    command: list[str] = Field(description="what POST /api/jobs takes")
+    command: Annotated[list[str], it("what POST /api/jobs takes")]
     then: Literal["plan", "result", "file"]
 
 
-class DoesPostures(JsonDocument):
+@record(kw_only=True)
+class DoesPostures:
     """The button gives the plan other postures."""
 
     kind: Literal["postures"] = "postures"
     postures_deg: list[list[float]]
-    targets: list[str] | None = Field(default=None, description="of each, where there are several")
+    targets: Annotated[list[str] | None, it("of each, where there are several")] = None
 
 
-class DoesStep(JsonDocument):
+@record(kw_only=True)
+class DoesStep:
     """The button leads to another step of the calibration."""
 
     kind: Literal["step"] = "step"
     step: Step
 
 
-class OfferedAction(JsonDocument):
+@record(kw_only=True)
+class OfferedAction:
     """What to do next, and the button that does it."""
 
     text: str
-    label: str | None = Field(description="of the button; null where the page can do nothing")
+    label: Annotated[str | None, it("of the button; null where the page can do nothing")]
     does: DoesJob | DoesPostures | DoesStep | None
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from itertools import count
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field
 
 from ....experiments.demos import example_files
 from ....experiments.plans.new_calibration import (
     PLACES,
+    PlaceChoice,
     PlaceKind,
     mounted_of,
     new_calibration,
@@ -23,24 +25,25 @@ from ....experiments.plans.new_calibration import (
 )
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, write_header
-from ....model.files.json_document import JsonDocument
 from ....model.files.robot_file import load_robot, rebased
 from ....model.files.whole_file import sync_folder, write_whole, writer
 from ....model.instruments.registry import KINDS
 from ....model.parsing.validation import FileModel, Name, Vector, validate
+from ....model.records import it, record
 from ....words.wording import capital
 from ..folder import Folder
 from ..job_commands import job_command
-from ..requests import Content, EndPoint, Refused, refused
+from ..requests import Content, Refused, end_point, refused
 from ..versions import version_of
 from .new_folders import new_path
 from .robots import whole_ref
 
 _EXAMPLE = "example"
 _SEED = "--seed=0"
+_AS_ASSUMED: dict[str, Vector] = {}
 
 
-class AskedPlace(FileModel):
+class PlaceOfTarget(FileModel):
     """Where the target is."""
 
     kind: PlaceKind = Field(description="in words, or `point`: as stated")
@@ -50,56 +53,22 @@ class AskedPlace(FileModel):
     )
 
 
-class AskedCalibration(FileModel):
-    """A new calibration."""
-
-    name: str = Field(description="of the new folder")
-    robot: RobotRef = Field(
-        description="a built-in name, a robot file below the folder, or {urdf, base, tip}"
-    )
-    instrument: str = Field(description="kind of the instrument")
-    place: AskedPlace = Field(description="where the target is")
-    mounted: dict[str, Vector] = Field(
-        default_factory=dict,
-        description="how the instrument is on the flange, by the keys of /api/calibrations/proposal"
-        " (default: as that assumes)",
-    )
-    serial: Name | None = Field(default=None, description="serial number of the arm")
-    measurements: int | None = Field(
-        default=None, ge=2, le=200, description="of the plan (default: as few as are enough)"
-    )
+StatedRobot = Annotated[RobotRef, it("a built-in name, a robot file below the folder, or {urdf, base, tip}")]
+StatedInstrument = Annotated[str, it("kind of the instrument")]
 
 
-class AskedProposal(FileModel):
-    """An arm and an instrument, of which a new calibration may be."""
-
-    robot: RobotRef = Field(
-        description="a built-in name, a robot file below the folder, or {urdf, base, tip}"
-    )
-    instrument: str = Field(description="kind of the instrument")
-
-
-class AskedWithdrawal(FileModel):
-    """A calibration that is to be taken back."""
-
-    name: str = Field(description="its folder")
-    version: str = Field(description="of its header, as it was made")
-
-
-class AskedExample(FileModel):
-    """A rehearsal of the example: nothing is asked."""
-
-
-class MadeCalibration(JsonDocument):
+@record(kw_only=True)
+class MadeCalibration:
     """A new calibration: its folder and header, and the words of the job that makes its plan."""
 
     name: str
     header: str
-    version: str = Field(description="of the header")
+    version: Annotated[str, it("of the header")]
     command: list[str]
 
 
-class MadeExample(JsonDocument):
+@record(kw_only=True)
+class MadeExample:
     """A new calibration that has a plan, and the words of the job that simulates its run."""
 
     name: str
@@ -108,52 +77,51 @@ class MadeExample(JsonDocument):
     command: list[str]
 
 
-class InstrumentChoice(JsonDocument):
+@record(kw_only=True)
+class InstrumentChoice:
     """A kind of instrument."""
 
     name: str
     words: str
     about: str
-    plans: bool = Field(description="whether a plan can be made with the defaults")
+    plans: Annotated[bool, it("whether a plan can be made with the defaults")]
 
 
-class PlaceWords(JsonDocument):
-    """A place of the target."""
-
-    kind: PlaceKind
-    words: str
-    facing: list[float]
-
-
-class PlaceAt(JsonDocument):
+@record(kw_only=True)
+class PlaceAt:
     """Where a place of the target is at an arm."""
 
     kind: PlaceKind
-    at_mm: list[float] = Field(description="base frame")
+    at_mm: Annotated[list[float], it("base frame")]
 
 
-class CalibrationProposal(JsonDocument):
+@record(kw_only=True)
+class CalibrationProposal:
     """What a new calibration assumes of an arm and an instrument."""
 
-    places: list[PlaceAt] = Field(description="without the one that is stated")
-    mounted: dict[str, list[float]] = Field(
-        description="how the instrument is on the flange, by the key of the header; empty: not asked"
-    )
+    places: Annotated[list[PlaceAt], it("without the one that is stated")]
+    mounted: Annotated[
+        dict[str, list[float]],
+        it("how the instrument is on the flange, by the key of the header; empty: not asked"),
+    ]
 
 
-class WithdrawnCalibration(JsonDocument):
+@record(kw_only=True)
+class WithdrawnCalibration:
     """A calibration that was taken back."""
 
     name: str
 
 
-class CalibrationChoices(JsonDocument):
+@record(kw_only=True)
+class CalibrationChoices:
     """What a new calibration can be made of."""
 
     instruments: list[InstrumentChoice]
-    places: list[PlaceWords]
+    places: Sequence[PlaceChoice]
 
 
+@end_point("GET /api/calibrations/choices", "What a new calibration can be made of.")
 @cache
 def choices(_: Folder) -> CalibrationChoices:
     """Instruments and places of the target."""
@@ -164,19 +132,23 @@ def choices(_: Folder) -> CalibrationChoices:
             )
             for name, words in titles().items()
         ],
-        places=[PlaceWords(kind=row.kind, words=row.words, facing=list(row.facing)) for row in PLACES],
+        places=PLACES,
     )
 
 
-def proposal(folder: Folder, request: AskedProposal) -> CalibrationProposal:
+@end_point(
+    "POST /api/calibrations/proposal",
+    "What a new calibration assumes: where the targets are, how the instrument is mounted.",
+)
+def proposal(folder: Folder, robot: StatedRobot, instrument: StatedInstrument) -> CalibrationProposal:
     """Where the places are, and how the instrument is assumed to be mounted."""
     with _at_key("robot"):
-        robot = load_robot(whole_ref(folder, request.robot, folder.root), folder.root)
+        arm = load_robot(whole_ref(folder, robot, folder.root), folder.root)
     with _at_key("instrument"):
-        mounted = mounted_of(request.instrument, robot)
+        mounted = mounted_of(instrument, arm)
     return CalibrationProposal(
         places=[
-            PlaceAt(kind=row.kind, at_mm=list(place_of(row.kind, robot, None)))
+            PlaceAt(kind=row.kind, at_mm=list(place_of(row.kind, arm, None)))
             for row in PLACES
             if row.kind != "point"
         ],
@@ -184,14 +156,22 @@ def proposal(folder: Folder, request: AskedProposal) -> CalibrationProposal:
     )
 
 
-def withdraw(folder: Folder, request: AskedWithdrawal) -> WithdrawnCalibration:
+@end_point(
+    "POST /api/calibrations/withdraw",
+    "Takes a calibration back that has a header, as it was made, and nothing else.",
+)
+def withdraw(
+    folder: Folder,
+    name: Annotated[str, it("its folder")],
+    version: Annotated[str, it("of its header, as it was made")],
+) -> WithdrawnCalibration:
     """Take a calibration back that has a header, as it was made, and nothing else."""
-    header = folder.file(f"{request.name}/header.yaml")
+    header = folder.file(f"{name}/header.yaml")
     path = header.parent
     if (
         path == folder.root
         or [entry.name for entry in path.iterdir()] != [header.name]
-        or version_of(header) != request.version
+        or version_of(header) != version
     ):
         raise BadInput(
             "this calibration is not taken back",
@@ -200,26 +180,45 @@ def withdraw(folder: Folder, request: AskedWithdrawal) -> WithdrawnCalibration:
         )
     header.unlink()
     path.rmdir()
-    return WithdrawnCalibration(name=request.name)
+    return WithdrawnCalibration(name=name)
 
 
-def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
+@end_point(
+    "POST /api/calibrations",
+    "Makes a calibration: its folder and header, and the command for its plan.",
+    status=201,
+)
+def make(
+    folder: Folder,
+    name: Annotated[str, it("of the new folder")],
+    robot: StatedRobot,
+    instrument: StatedInstrument,
+    at: Annotated[PlaceOfTarget, it("where the target is", name="place")],
+    mounted: Annotated[
+        dict[str, Vector],
+        it(
+            "how the instrument is on the flange, by the keys of /api/calibrations/proposal"
+            " (default: as that assumes)"
+        ),
+    ] = _AS_ASSUMED,
+    serial: Annotated[Name | None, it("serial number of the arm")] = None,
+    measurements: Annotated[
+        int | None, it("of the plan (default: as few as are enough)"), Field(ge=2, le=200)
+    ] = None,
+) -> MadeCalibration:
     """Make the folder of a calibration with its header, whole or not at all."""
-    path = new_path(folder, request.name)
+    path = new_path(folder, name)
     with _at_key("robot"):
-        robot = load_robot(whole_ref(folder, request.robot, folder.root), folder.root)
-    where = request.place
+        arm = load_robot(whole_ref(folder, robot, folder.root), folder.root)
     with _at_key("place", "point_mm"):
-        target = place_of(where.kind, robot, where.point_mm)
-    facing = where.facing or next(row.facing for row in PLACES if row.kind == where.kind)
+        target = place_of(at.kind, arm, at.point_mm)
+    facing = at.facing or next(row.facing for row in PLACES if row.kind == at.kind)
     if not any(facing):
         raise _refusal(("place", "facing"), "this direction has no length", facing, "a direction")
     with _at_key("instrument"):
-        new = new_calibration(
-            request.instrument, robot, target, facing, request.measurements, request.mounted
-        )
-    provenance = {} if request.serial is None else {"provenance": {"serial": request.serial}}
-    ref = rebased(request.robot, folder.root, path)
+        new = new_calibration(instrument, arm, target, facing, measurements, mounted)
+    provenance = {} if serial is None else {"provenance": {"serial": serial}}
+    ref = rebased(robot, folder.root, path)
     content: Content = {"robot": ref if isinstance(ref, str) else ref.model_dump(exclude_unset=True)}
     header = validate(Header, content | new.header | provenance, file=None, line=lambda _: None)
     with _whole(path) as part:
@@ -234,7 +233,12 @@ def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
     )
 
 
-def example(folder: Folder, _: AskedExample) -> MadeExample:
+@end_point(
+    "POST /api/example",
+    "Makes a folder with the example's header and plan, and the command that rehearses it.",
+    status=201,
+)
+def example(folder: Folder) -> MadeExample:
     """Make a folder with the header and the plan of the example."""
     names = (_EXAMPLE if number == 1 else f"{_EXAMPLE}-{number}" for number in count(1))
     path = next(folder.root / name for name in names if not os.path.lexists(folder.root / name))
@@ -283,38 +287,3 @@ def _at_key(*key: str) -> Iterator[None]:
 
 def _refusal(key: tuple[str, ...], what: str, value: object, allowed: str) -> Refused:
     return refused(BadInput(what, found=value, allowed=allowed), key)
-
-
-END_POINTS = [
-    EndPoint("/api/calibrations/choices", "GET", "What a new calibration can be made of.", choices),
-    EndPoint(
-        "/api/calibrations",
-        "POST",
-        "Makes a calibration: its folder and header, and the command for its plan.",
-        make,
-        AskedCalibration,
-        status=201,
-    ),
-    EndPoint(
-        "/api/calibrations/proposal",
-        "POST",
-        "What a new calibration assumes: where the targets are, how the instrument is mounted.",
-        proposal,
-        AskedProposal,
-    ),
-    EndPoint(
-        "/api/calibrations/withdraw",
-        "POST",
-        "Takes a calibration back that has a header, as it was made, and nothing else.",
-        withdraw,
-        AskedWithdrawal,
-    ),
-    EndPoint(
-        "/api/example",
-        "POST",
-        "Makes a folder with the example's header and plan, and the command that rehearses it.",
-        example,
-        AskedExample,
-        status=201,
-    ),
-]

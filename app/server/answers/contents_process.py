@@ -10,19 +10,15 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from pydantic import Field
-
 from ....experiments.makers.contents import (
     Contents,
-    Layout,
-    TableColumn,
     contents_of,
     head_of,
     layout_of,
     layout_stated,
 )
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
+from ....model.records import read, to_json
 
 PATIENCE_S = 60.0
 MOST_MEMORY = 4 * 10**9  # bytes of address space, of which libraries take one tenth
@@ -30,73 +26,7 @@ _PROGRAM = "from zerobeam.app.server.answers.contents_process import main; main(
 _COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
 
 
-class NamedPoint(JsonDocument):
-    """A taught point, and whether it has joints."""
-
-    name: str
-    joints: bool
-
-
-class BagTopic(JsonDocument):
-    """A topic of a bag."""
-
-    name: str
-    type: str
-    messages: int
-    joints: list[str] = Field(description="in the first of its joint states")
-
-
-class Holdings(JsonDocument):
-    """What a recording holds (`Contents`)."""
-
-    form: str = Field(description="what the file is")
-    why: str = Field(description="how that is seen")
-    count: str = Field(description="what it has, in words")
-    formats: list[str] = Field(description="of imports that may read it, by name")
-    layout: Layout | None
-    columns: list[TableColumn]
-    rows: int = Field(description="of a table: how many were looked at")
-    whole: bool = Field(description="of a table: these are all")
-    points: list[NamedPoint]
-    topics: list[BagTopic]
-    names: list[str] = Field(description="of joint states in text: the joints")
-    kind: str = Field(description="of a file of zerobeam")
-
-    @classmethod
-    def of(cls, contents: Contents) -> Holdings:
-        """The document of what was found."""
-        return cls.filled(
-            contents,
-            points=[NamedPoint(name=name, joints=joints) for name, joints in contents.points],
-            topics=[BagTopic.filled(topic) for topic in contents.topics],
-        )
-
-
-class _Refusal(JsonDocument):
-    """The facts of a BadInput."""
-
-    what: str
-    found: str | None
-    allowed: str | None
-    remedy: str | None
-    file: str | None
-    line: int | None
-
-    @classmethod
-    def of(cls, error: BadInput) -> _Refusal:
-        facts = {name: getattr(error, name) for name in ("found", "allowed", "remedy", "file")}
-        texts = {name: None if fact is None else str(fact) for name, fact in facts.items()}
-        return cls(what=error.what, line=error.line, **texts)
-
-
-class _Answer(JsonDocument):
-    """What the process prints."""
-
-    holdings: Holdings | None = None
-    refusal: _Refusal | None = None
-
-
-async def contents(path: Path, layout: Mapping[str, object]) -> Holdings:
+async def contents(path: Path, layout: Mapping[str, object]) -> Contents:
     """What `contents_of` finds in a file; `layout` is what is stated of a table's.
 
     BadInput where it refuses, or where it takes more than `PATIENCE_S` or `MOST_MEMORY`.
@@ -123,11 +53,10 @@ async def contents(path: Path, layout: Mapping[str, object]) -> Holdings:
         if process.returncode < 0:
             raise _too_much(path, f"the process was ended by signal {-process.returncode}")
         raise RuntimeError(fault.decode("utf-8", "replace"))
-    printed = _Answer.from_json(json.loads(answer))
-    if printed.holdings is None:
-        assert printed.refusal is not None
-        raise BadInput(**printed.refusal.to_json())
-    return printed.holdings
+    printed = json.loads(answer)
+    if "what" in printed:
+        raise BadInput(**printed)
+    return read(Contents, printed)
 
 
 def main() -> None:
@@ -135,14 +64,21 @@ def main() -> None:
     path, layout = Path(sys.argv[1]), json.loads(sys.argv[2])
     _limit()
     try:
-        read = contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
-        answer = _Answer(holdings=Holdings.of(read))
+        holdings = contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
+        answer = to_json(holdings)
     except MemoryError:
         error = _too_much(path, f"more than {MOST_MEMORY // 10**9} GB of memory")
-        answer = _Answer(refusal=_Refusal.of(error))
+        answer = _facts(error)
     except BadInput as error:
-        answer = _Answer(refusal=_Refusal.of(error))
-    sys.stdout.write(json.dumps(answer.to_json(), allow_nan=False))
+        answer = _facts(error)
+    sys.stdout.write(json.dumps(answer, allow_nan=False))
+
+
+def _facts(error: BadInput) -> dict[str, object]:
+    """The arguments of a BadInput."""
+    facts = {name: getattr(error, name) for name in ("found", "allowed", "remedy", "file")}
+    texts = {name: None if fact is None else str(fact) for name, fact in facts.items()}
+    return {"what": error.what, "line": error.line, **texts}
 
 
 def _limit() -> None:

@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from ....analysis.answer.result import Result
 from ....model.arrays import Mask, Matrix
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
 from ....model.files.run import Run, read_run
+from ....model.records import it, record
 from ....words.numbers import number_in
 from ....words.wording import label, listed
 from ..kept import Kept
@@ -30,22 +30,25 @@ _MOVES_MM = 1e-3  # by so much where it is one degree (mm) off: an offset that m
 _RUNS = Kept(4)
 
 
-class TcpErrors(JsonDocument):
+@record(kw_only=True)
+class TcpErrors:
     """Median lengths of the displacements at the postures, mm."""
 
     before: float
     after: float | None
 
 
-class TcpVector(JsonDocument):
+@record(kw_only=True)
+class TcpVector:
     """The displacement of the TCP at a posture, mm."""
 
-    at: Vec = Field(description="where a controller with nothing entered has the TCP, base frame")
-    before: Vec | None = Field(description="from there to where it is by the offsets; null: not known")
-    after: Vec | None = Field(description="what is left of that with the values entered; null: not known")
+    at: Annotated[Vec, it("where a controller with nothing entered has the TCP, base frame")]
+    before: Annotated[Vec | None, it("from there to where it is by the offsets; null: not known")]
+    after: Annotated[Vec | None, it("what is left of that with the values entered; null: not known")]
 
 
-class ResidualShown(JsonDocument):
+@record(kw_only=True)
+class ResidualShown:
     """A residual where it was measured."""
 
     shot: int
@@ -54,7 +57,8 @@ class ResidualShown(JsonDocument):
     whitened: float
 
 
-class InWorkspace(JsonDocument):
+@record(kw_only=True)
+class InWorkspace:
     """The postures of a result: all lists in one order, 60 at most."""
 
     tcp: TcpErrors | None

@@ -5,31 +5,31 @@ from __future__ import annotations
 import inspect
 from functools import cache
 from pathlib import Path
-from typing import Literal
-
-from pydantic import Field
+from typing import Annotated, Literal
 
 from ....experiments.makers.maker import makers, plan_programs, program_languages
 from ....experiments.makers.user_programs import poses_to_state
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
 from ....model.files.run import read_run
+from ....model.records import it, record
 from ..folder import Folder
-from ..requests import EndPoint
-from .format_options import FormatOptionAnswer, described_options
+from ..requests import end_point
+from .forms import FormField, form_of
 
 
-class ExportForm(JsonDocument):
+@record(kw_only=True)
+class ExportForm:
     """A form: `export NAME` writes it."""
 
     name: str
     maker: str
-    vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
+    vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")]
     about: str
     ending: str
-    options: list[FormatOptionAnswer]
+    options: list[FormField]
 
 
+@end_point("GET /api/exports", "The forms in which offsets are exported.")
 @cache
 def exports(_: Folder) -> list[ExportForm]:
     """The forms of all makers, those for robots of any maker first."""
@@ -41,22 +41,24 @@ def exports(_: Folder) -> list[ExportForm]:
             vendor=maker.vendor,
             about=inspect.getdoc(form.text) or form.name,
             ending=form.ending,
-            options=described_options(form.text),
+            options=form_of(form.text),
         )
         for maker in ordered
         for form in maker.offsets
     ]
 
 
-class LanguageForm(JsonDocument):
+@record(kw_only=True)
+class LanguageForm:
     """A language: `export program` corrects its programs."""
 
     name: str
-    vendor: str = Field(description="of the robots that it is for, as robot files name it")
+    vendor: Annotated[str, it("of the robots that it is for, as robot files name it")]
     about: str
     endings: list[str]
 
 
+@end_point("GET /api/languages", "The languages whose programs are corrected.")
 @cache
 def languages(_: Folder) -> list[LanguageForm]:
     """The languages whose programs are corrected."""
@@ -66,16 +68,18 @@ def languages(_: Folder) -> list[LanguageForm]:
     ]
 
 
-class PlanForm(JsonDocument):
+@record(kw_only=True)
+class PlanForm:
     """A program that a plan is exported as, or the sheet for a person: `export plan NAME` writes it."""
 
     name: str
-    vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
+    vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")]
     label: str
-    files: list[str] = Field(description="usual names; others with the first one's stem follow its name")
-    options: list[str] = Field(description="names of what may be stated of the motion")
+    files: Annotated[list[str], it("usual names; others with the first one's stem follow its name")]
+    options: Annotated[list[str], it("names of what may be stated of the motion")]
 
 
+@end_point("GET /api/plan-exports", "The programs that a plan is exported as.")
 @cache
 def plan_forms(_: Folder) -> list[PlanForm]:
     """The sheet and the programs of all makers."""
@@ -102,14 +106,16 @@ def plan_forms(_: Folder) -> list[PlanForm]:
 _LARGEST = 2 * 10**6  # bytes of a program that is read while somebody waits
 
 
-class PoseToState(JsonDocument):
+@record(kw_only=True)
+class PoseToState:
     """A tool or frame of a program whose pose a person must state: `export program --tool NAME=POSE`."""
 
     what: Literal["tool", "frame"]
-    name: str = Field(description="as the program has it; empty: the one that it leaves open")
-    form: str = Field(description="what its numbers are, with their units")
+    name: Annotated[str, it("as the program has it; empty: the one that it leaves open")]
+    form: Annotated[str, it("what its numbers are, with their units")]
 
 
+@end_point("GET /api/program", "Tools and frames of a program whose poses must be stated to correct it.")
 def poses(folder: Folder, file: str, run: str) -> list[PoseToState]:
     """What must be stated to correct a program of the run's robot."""
     path, robot = folder.file(file), read_run(folder.file(run)).robot
@@ -128,17 +134,3 @@ def _with_units(form: str) -> str:
     values, _, units = form.partition(" in ")
     named = f" ({units})" if units else " (mm)" if "Q1" in values else " (mm, deg)"
     return values.replace(",", ", ") + named
-
-
-END_POINTS = [
-    EndPoint("/api/plan-exports", "GET", "The programs that a plan is exported as.", plan_forms),
-    EndPoint(
-        "/api/program",
-        "GET",
-        "Tools and frames of a program whose poses must be stated to correct it.",
-        poses,
-        query=("file", "run"),
-    ),
-    EndPoint("/api/languages", "GET", "The languages whose programs are corrected.", languages),
-    EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports),
-]

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-
-from pydantic import Field
+from typing import Annotated
 
 from ....analysis.answer.message import Grade
 from ....analysis.answer.result import Result
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
-from ....model.files.json_document import JsonDocument, is_none
+from ....model.records import if_any, it, record
 from ....reports.run.inputs import origin_of
 from ....words.brief import result_tone, result_words
 from ....words.wording import clipped
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import EndPoint
+from ..requests import end_point
 from .results import read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
@@ -29,7 +28,8 @@ _WIDTH = 80  # letters of a text that a header states
 _HEADERS, _BRIEFS = Kept(2000), Kept(2000)
 
 
-class BriefOffset(JsonDocument):
+@record(kw_only=True)
+class BriefOffset:
     """An offset of a result, which is not held."""
 
     name: str
@@ -39,32 +39,35 @@ class BriefOffset(JsonDocument):
     std: float | None
 
 
-class BriefResult(JsonDocument):
+@record(kw_only=True)
+class BriefResult:
     """A result of the folder."""
 
     file: str
-    verdict: Verdict | None = Field(default=None, exclude_if=is_none)
-    grade: Grade | None = Field(default=None, description="how it is coloured", exclude_if=is_none)
-    words: str | None = Field(default=None, description="verdict and worth in words", exclude_if=is_none)
-    offsets: list[BriefOffset] | None = Field(default=None, exclude_if=is_none)
-    error: str | None = Field(default=None, description="why it cannot be read", exclude_if=is_none)
+    verdict: Annotated[Verdict | None, if_any] = None
+    grade: Annotated[Grade | None, it("how it is coloured"), if_any] = None
+    words: Annotated[str | None, it("verdict and worth in words"), if_any] = None
+    offsets: Annotated[list[BriefOffset] | None, if_any] = None
+    error: Annotated[str | None, it("why it cannot be read"), if_any] = None
 
 
-class BriefRun(JsonDocument):
+@record(kw_only=True)
+class BriefRun:
     """A run of the folder: what its header states, and its results, the newest first."""
 
     file: str
-    robot: str | None = Field(default=None, exclude_if=is_none)
-    serial: str | None = Field(default=None, exclude_if=is_none)
-    when: str | None = Field(default=None, exclude_if=is_none)
-    who: str | None = Field(default=None, exclude_if=is_none)
-    instrument: str | None = Field(default=None, exclude_if=is_none)
-    origin: str | None = Field(default=None, exclude_if=is_none)
-    error: str | None = Field(default=None, description="why it cannot be read", exclude_if=is_none)
+    robot: Annotated[str | None, if_any] = None
+    serial: Annotated[str | None, if_any] = None
+    when: Annotated[str | None, if_any] = None
+    who: Annotated[str | None, if_any] = None
+    instrument: Annotated[str | None, if_any] = None
+    origin: Annotated[str | None, if_any] = None
+    error: Annotated[str | None, it("why it cannot be read"), if_any] = None
     results: list[BriefResult]
 
 
-class FolderHistory(JsonDocument):
+@record(kw_only=True)
+class FolderHistory:
     """The runs of the folder, and the results of no run here; `left_out` counts what is not listed."""
 
     runs: list[BriefRun]
@@ -72,6 +75,7 @@ class FolderHistory(JsonDocument):
     left_out: int
 
 
+@end_point("GET /api/history", "The folder's runs by serial number, and their results.")
 def history(folder: Folder) -> FolderHistory:
     """The runs and results of the folder, the newest first."""
     files = folder.files()
@@ -117,7 +121,11 @@ def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
         return None, BriefResult(file=name, error=folder.without(error.what))
     except OSError:
         return None, BriefResult(file=name, error="the file cannot be read")
-    offsets = [BriefOffset.filled(row) for row in result.parameters if row.group == "offset" and not row.held]
+    offsets = [
+        BriefOffset(name=row.name, unit=row.unit, status=row.status, estimate=row.estimate, std=row.std)
+        for row in result.parameters
+        if row.group == "offset" and not row.held
+    ]
     brief = BriefResult(
         file=name,
         verdict=result.verdict,
@@ -132,8 +140,3 @@ def _listed(path: Path) -> Result:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("too large to be listed: open it")
     return read_result(path)
-
-
-END_POINTS = [
-    EndPoint("/api/history", "GET", "The folder's runs by serial number, and their results.", history),
-]

@@ -6,29 +6,27 @@ import json
 import re
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal
-
-from pydantic import Field
+from typing import Annotated, Any, Literal
 
 from ....analysis.answer.result import Result
 from ....analysis.status import Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA, Header, UrdfRef
-from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import plan_of
 from ....model.files.robot_file import built_in_robots, read_rows, stated_rows
 from ....model.instruments.registry import kinds_of
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import validate
+from ....model.records import if_any, it, record
 from ....words.brief import due_words, planned_words, recorded_words, result_tone, result_words, simulated
 from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_simulated
 from ....words.wording import clipped
 from ..folder import Folder, KindOfFile
 from ..kept import Kept
-from ..requests import EndPoint
+from ..requests import end_point
 from ..started_runs import StartedRuns
 from .due_dates import DueDate, due_dates
 from .recordings import PLAN_HASH
@@ -60,7 +58,8 @@ _PARTS = ("header", "plan", "run", "result", "obstacles", "cell", "sensors")
 _MAKING = frozenset({"header", "plan", "run", "result"})  # what makes a folder a calibration
 
 
-class CalibrationFiles(JsonDocument):
+@record(kw_only=True)
+class CalibrationFiles:
     """Files by kind, the newest first."""
 
     header: list[str]
@@ -72,18 +71,20 @@ class CalibrationFiles(JsonDocument):
     sensors: list[str]
 
 
-class CalibrationState(JsonDocument):
+@record(kw_only=True)
+class CalibrationState:
     """How far a calibration is, by its newest run or result."""
 
-    kind: StateKind = Field(description="`held`: a pass of a simulated run")
+    kind: Annotated[StateKind, it("`held`: a pass of a simulated run")]
     text: str
-    verdict: Verdict | None = Field(default=None, exclude_if=is_none)
-    recorded: int | None = Field(default=None, description="measurements", exclude_if=is_none)
-    of: int | None = Field(default=None, description="measurements of the plan", exclude_if=is_none)
-    file: str | None = Field(default=None, description="what this is said of", exclude_if=is_none)
+    verdict: Annotated[Verdict | None, if_any] = None
+    recorded: Annotated[int | None, it("measurements"), if_any] = None
+    of: Annotated[int | None, it("measurements of the plan"), if_any] = None
+    file: Annotated[str | None, it("what this is said of"), if_any] = None
 
 
-class CalibrationDue(JsonDocument):
+@record(kw_only=True)
+class CalibrationDue:
     """When the next calibration is due."""
 
     date: str
@@ -91,29 +92,31 @@ class CalibrationDue(JsonDocument):
     text: str
 
 
-class Calibration(JsonDocument):
+@record(kw_only=True)
+class Calibration:
     """A folder with a header, a plan, a run or a result."""
 
-    name: str = Field(description="the folder, relative to the app's; `.`: that itself")
+    name: Annotated[str, it("the folder, relative to the app's; `.`: that itself")]
     robot: str | None
     maker: str | None
     model: str | None
     serial: str | None
-    instrument: str | None = Field(description="kinds, separated by commas")
+    instrument: Annotated[str | None, it("kinds, separated by commas")]
     files: CalibrationFiles
     state: CalibrationState
     due: CalibrationDue | None
     simulated: bool
-    modified: str = Field(description="ISO 8601, UTC")
+    modified: Annotated[str, it("ISO 8601, UTC")]
 
 
-class HomeAnswer(JsonDocument):
+@record(kw_only=True)
+class HomeAnswer:
     """All calibrations, the newest first."""
 
     calibrations: list[Calibration]
     left_out: int
-    unread: int = Field(description="of which files were not read yet: ask again")
-    history: bool = Field(description="whether the folder has a database of results")
+    unread: Annotated[int, it("of which files were not read yet: ask again")]
+    history: Annotated[bool, it("whether the folder has a database of results")]
 
 
 @dataclass(frozen=True)
@@ -174,6 +177,9 @@ def _first_line(error: BadInput) -> str:
     return clipped(f"{where}{error.what}", 200)
 
 
+@end_point(
+    "GET /api/home", "The calibrations of the folder, how far each is, when the next of an arm is due."
+)
 def home(folder: Folder) -> HomeAnswer:
     """The calibrations of the folder. Nothing is fitted, and a broken file is said where it is."""
     reading = _Reading(folder)
@@ -193,9 +199,7 @@ def _with_due_dates(calibrations: list[Calibration], databases: list[Path]) -> l
     serials = {one.serial for one in calibrations if one.serial and not one.simulated}
     dates = due_dates(databases, serials)
     return [
-        one
-        if one.simulated or one.serial not in dates
-        else one.model_copy(update={"due": _due(dates[one.serial])})
+        one if one.simulated or one.serial not in dates else replace(one, due=_due(dates[one.serial]))
         for one in calibrations
     ]
 
@@ -420,12 +424,3 @@ _READERS: dict[str, tuple[Kept, Any]] = {
     "run": (_RUNS, _read_run),
     "result": (_BRIEFS, _read_result),
 }
-
-END_POINTS = [
-    EndPoint(
-        "/api/home",
-        "GET",
-        "The calibrations of the folder, how far each is, when the next of an arm is due.",
-        home,
-    ),
-]

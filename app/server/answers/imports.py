@@ -13,24 +13,26 @@ from pydantic import BeforeValidator, Field
 
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import readings
-from ....experiments.makers.generic.tables import TextTable, check_signs
+from ....experiments.makers.contents import Contents
+from ....experiments.makers.generic.layouts import check_signs
+from ....experiments.makers.generic.tables import TextTable
 from ....experiments.makers.known_logs import read_log
 from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
-from ....model.files.json_document import JsonDocument
 from ....model.files.limits import beyond_limits
 from ....model.files.robot_file import load_robot
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import FileModel, as_tuple, validate
+from ....model.records import it, record
 from ..folder import Folder, kind_of
-from ..requests import Content, EndPoint, Refused, keyed, noted, refused
-from ..versions import Precondition, Versioned, replacing, version_of, version_of_sum
+from ..requests import Content, Precondition, Refused, end_point, keyed, noted, refused
+from ..versions import Versioned, replacing, version_of, version_of_sum
 from . import contents_process
-from .format_options import FormatOptionAnswer, described_options
+from .forms import FormField, form_of
 from .robots import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
@@ -39,7 +41,7 @@ _Value = TypeVar("_Value")
 Ends = tuple[float, float]
 
 
-class AskedTable(FileModel):
+class TableForm(FileModel):
     """How tables are laid out; what is not stated is found."""
 
     header_row: bool | None = Field(default=None, description="whether the first row names the columns")
@@ -49,13 +51,13 @@ class AskedTable(FileModel):
     decimal: Literal[".", ","] | None = Field(default=None, description="decimal sign")
 
 
-class AskedRecording(AskedTable):
+class RecordingRequest(TableForm):
     """A recording to look at."""
 
     file: str = Field(description="path below the folder")
 
 
-class AskedColumns(AskedTable):
+class ColumnsRequest(TableForm):
     """Which columns of tables are which joints."""
 
     files: Annotated[
@@ -78,65 +80,68 @@ class AskedColumns(AskedTable):
     )
 
 
-class AskedHeader(FileModel):
-    """A header to check or to write."""
-
-    file: str = Field(description="path below the folder (.yaml), which paths in the header are relative to")
-    header: Content = Field(description="the content of a header file")
+FileOfHeader = Annotated[str, it("path below the folder (.yaml), which paths in the header are relative to")]
+StatedHeader = Annotated[Content, it("the content of a header file")]
 
 
-class RecordingAnswer(contents_process.Holdings):
+@record(kw_only=True)
+class RecordingAnswer(Contents):
     """What a file is and holds, and what an import can choose from."""
 
     file: str
     bytes: int
 
 
-class JointColumn(JsonDocument):
+@record(kw_only=True)
+class JointColumn:
     """A joint as its column has it."""
 
     name: str
     unit: str
     lower: float
     upper: float
-    recorded: Ends | None = Field(description="range of the column; null without one")
-    seen: Ends | None = Field(description="range of the joint; null where the unit is not stated")
-    outside: int | None = Field(description="rows outside the limits")
+    recorded: Annotated[Ends | None, it("range of the column; null without one")]
+    seen: Annotated[Ends | None, it("range of the joint; null where the unit is not stated")]
+    outside: Annotated[int | None, it("rows outside the limits")]
     sign: readings.Reading | None
 
 
-class ProposedColumns(JsonDocument):
+@record(kw_only=True)
+class ProposedColumns:
     """Columns that are proposed for the joints."""
 
     choice: list[str | None]
     why: str
 
 
-class ColumnsAnswer(JsonDocument):
+@record(kw_only=True)
+class ColumnsAnswer:
     """Columns as joints, and what the limits say of unit, signs and joint 3 (null: nothing)."""
 
     robot: str
     rows: int
-    whole: bool = Field(description="all rows were looked at")
+    whole: Annotated[bool, it("all rows were looked at")]
     joints: list[JointColumn]
     columns: ProposedColumns | None
     units: readings.Reading | None
     lengths: readings.Reading | None
     j3: readings.Reading | None
-    first: list[list[float | None]] = Field(description="the first rows, as joints")
+    first: Annotated[list[list[float | None]], it("the first rows, as joints")]
 
 
-class ImportForm(JsonDocument):
+@record(kw_only=True)
+class ImportForm:
     """A format: `import NAME` reads it."""
 
-    name: str = Field(description="the words of the command behind `import`")
+    name: Annotated[str, it("the words of the command behind `import`")]
     about: str
     maker: str
     files: str
-    options: list[FormatOptionAnswer]
+    options: list[FormField]
 
 
-class HeaderUse(JsonDocument):
+@record(kw_only=True)
+class HeaderUse:
     """A header that can be used."""
 
     robot: str
@@ -145,12 +150,14 @@ class HeaderUse(JsonDocument):
     notes: list[str]
 
 
+@record(kw_only=True)
 class WrittenHeader(HeaderUse, Versioned):
     """A header that was written."""
 
     file: str
 
 
+@record(kw_only=True)
 class ReadHeader(Versioned):
     """The header of a header file or a plan, as it is stated."""
 
@@ -160,6 +167,7 @@ class ReadHeader(Versioned):
     notes: list[str]
 
 
+@end_point("GET /api/imports", "Formats of the imports, as the makers have them.")
 @cache
 def formats(_: Folder) -> list[ImportForm]:
     """What the readers of all makers and the known logs read, those for robots of any maker first."""
@@ -170,7 +178,7 @@ def formats(_: Folder) -> list[ImportForm]:
             about=" ".join((inspect.getdoc(reader.read) or reader.name).split()),
             maker=maker.name,
             files=reader.files,
-            options=described_options(reader.read),
+            options=form_of(reader.read),
         )
         for maker in ordered
         for reader in maker.read
@@ -182,7 +190,7 @@ def formats(_: Folder) -> list[ImportForm]:
             about=f"{log.about}: a log over time, of which a measurement is where the arm dwells.",
             maker=maker.name,
             files="Logs as CSV files.",
-            options=described_options(read_log),
+            options=form_of(read_log),
         )
         for maker in ordered
         for log in maker.logs
@@ -190,14 +198,16 @@ def formats(_: Folder) -> list[ImportForm]:
     return [*readers, *logs]
 
 
-async def recording(folder: Folder, request: AskedRecording) -> RecordingAnswer:
+@end_point("POST /api/recording", "What a recording is, and what it holds.")
+async def recording(folder: Folder, request: RecordingRequest) -> RecordingAnswer:
     """What a file is and holds."""
     path = folder.file(request.file)
     holdings = await contents_process.contents(path, _layout(request))
-    return RecordingAnswer(file=folder.called(path), bytes=path.stat().st_size, **dict(holdings))
+    return RecordingAnswer(file=folder.called(path), bytes=path.stat().st_size, **vars(holdings))
 
 
-def columns(folder: Folder, request: AskedColumns) -> ColumnsAnswer:
+@end_point("POST /api/columns", "Columns as joints: ranges, limits, units, signs.")
+def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
     """Per joint its column, its range against its limits; what these say of unit, signs and joint 3."""
     robot = _robot(folder, request)
     chosen = request.columns
@@ -253,6 +263,7 @@ def columns(folder: Folder, request: AskedColumns) -> ColumnsAnswer:
     )
 
 
+@end_point("GET /api/header/schema", "JSON Schema of a header.")
 def schema(_: Folder) -> Content:
     """JSON Schema of a header."""
     from ....experiments.schema import json_schema  # with all kinds of files: half a second
@@ -260,9 +271,10 @@ def schema(_: Folder) -> Content:
     return json_schema("header")
 
 
-def header(folder: Folder, name: str) -> ReadHeader:
+@end_point("GET /api/header", "The header of a header file or plan.")
+def header_file(folder: Folder, file: str) -> ReadHeader:
     """The header of a header file or a plan, as it is stated."""
-    path = folder.file(name)
+    path = folder.file(file)
     document = read_yaml(path)
     content = document.data
     if isinstance(content, dict):
@@ -283,31 +295,35 @@ def header(folder: Folder, name: str) -> ReadHeader:
     )
 
 
-def check(folder: Folder, request: AskedHeader) -> HeaderUse:
+@end_point("POST /api/header/check", "Whether a header can be used.")
+def check(folder: Folder, file: FileOfHeader, header: StatedHeader) -> HeaderUse:
     """Whether a header can be used, and with which robot; Refused with the key of what is wrong."""
-    return _checked(folder, request)[1]
+    return _checked(folder, file, header)[1]
 
 
-def write(folder: Folder, request: AskedHeader, precondition: Precondition) -> WrittenHeader:
+@end_point("PUT /api/header", "Writes a header: a new file, or in place of a header.")
+def write(
+    folder: Folder, file: FileOfHeader, header: StatedHeader, precondition: Precondition
+) -> WrittenHeader:
     """Write a header as a new file or over a header, whole or not at all; nothing else is ever replaced, nor
     another version than the one that was read."""
-    if Path(request.file).suffix.lower() not in {".yaml", ".yml"}:
-        raise _wrong(("file",), "a header cannot have this name", request.file, "a name that ends in .yaml")
-    path = _at(("file",), lambda: folder.inside(request.file))
+    if Path(file).suffix.lower() not in {".yaml", ".yml"}:
+        raise _wrong(("file",), "a header cannot have this name", file, "a name that ends in .yaml")
+    path = _at(("file",), lambda: folder.inside(file))
     if path.exists() and kind_of(path) != "header":
-        raise _wrong(("file",), "something else has this name", request.file, "a new file, or a header")
-    read, use = _checked(folder, request)
-    with replacing(path, precondition, lambda: header(folder, request.file)) as force:
+        raise _wrong(("file",), "something else has this name", file, "a new file, or a header")
+    read, use = _checked(folder, file, header)
+    with replacing(path, precondition, lambda: header_file(folder, file)) as force:
         write_header(path, read, force=force)
-    return WrittenHeader(version=version_of(path), file=folder.called(path), **dict(use))
+    return WrittenHeader(version=version_of(path), file=folder.called(path), **vars(use))
 
 
-def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, HeaderUse]:
-    path = folder.inside(request.file)
+def _checked(folder: Folder, file: str, header: Content) -> tuple[Header, HeaderUse]:
+    path = folder.inside(file)
 
     def use(line: Any) -> tuple[Header, Robot]:
-        read = validate(Header, request.header, file=None, line=line)
-        require_robot_inside(folder, request.header, path.parent)
+        read = validate(Header, header, file=None, line=line)
+        require_robot_inside(folder, header, path.parent)
         try:
             robot = load_robot(read.robot, path.parent)
         except BadInput as error:
@@ -319,16 +335,16 @@ def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, HeaderUse]:
         return read, robot
 
     with noted() as notes:
-        read, robot = keyed(request.header, use, ("header",))
+        read, robot = keyed(header, use, ("header",))
     return read, HeaderUse(robot=robot.name, joints=robot.n, target=read.only_target, notes=notes)
 
 
-def _robot(folder: Folder, request: AskedColumns) -> Robot:
+def _robot(folder: Folder, request: ColumnsRequest) -> Robot:
     start = folder.root if request.beside is None else folder.inside(request.beside).parent
     return _at(("robot",), lambda: load_robot(whole_ref(folder, request.robot, start), start))
 
 
-def _layout(request: AskedTable) -> Content:
+def _layout(request: TableForm) -> Content:
     layout = request.model_dump(include={"header_row", "delimiter", "decimal"}, exclude_none=True)
     check_signs(layout.get("delimiter"), layout.get("decimal", "."))
     return layout
@@ -347,7 +363,7 @@ def _numbers(table: TextTable, name: str) -> Matrix:
     return table.numbers([table.column(name)])[:, 0]
 
 
-def _scale(robot: Robot, request: AskedColumns) -> Matrix:
+def _scale(robot: Robot, request: ColumnsRequest) -> Matrix:
     """(n,) degrees or mm in one unit of the table; NaN where the unit is not stated."""
     angle = {"deg": 1.0, "rad": float(np.degrees(1.0)), None: np.nan}[request.units]
     length = {"mm": 1.0, "m": 1000.0, None: np.nan}[request.lengths]
@@ -371,23 +387,3 @@ def _at(key: tuple[str | int, ...], use: Callable[[], _Value]) -> _Value:
         same = refused(error, key)
         same.line = error.line
         raise same from error
-
-
-END_POINTS = [
-    EndPoint("/api/imports", "GET", "Formats of the imports, as the makers have them.", formats),
-    EndPoint("/api/recording", "POST", "What a recording is, and what it holds.", recording, AskedRecording),
-    EndPoint(
-        "/api/columns", "POST", "Columns as joints: ranges, limits, units, signs.", columns, AskedColumns
-    ),
-    EndPoint("/api/header/schema", "GET", "JSON Schema of a header.", schema),
-    EndPoint("/api/header", "GET", "The header of a header file or plan.", header, query=("file",)),
-    EndPoint(
-        "/api/header",
-        "PUT",
-        "Writes a header: a new file, or in place of a header.",
-        write,
-        AskedHeader,
-        conditional=True,
-    ),
-    EndPoint("/api/header/check", "POST", "Whether a header can be used.", check, AskedHeader),
-]

@@ -9,80 +9,72 @@ from pydantic import BeforeValidator, Field
 
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef
-from ....model.files.json_document import JsonDocument
 from ....model.files.robot_file import load_robot
 from ....model.instruments.rotations import rotation_of_quaternion
 from ....model.kinematics.inverse import nearest_posture
 from ....model.kinematics.pendant import beyond_limits
-from ....model.parsing.validation import FileModel, Vector, as_tuple
+from ....model.parsing.validation import Vector, as_tuple
+from ....model.records import it, record
 from ..folder import Folder
-from ..requests import EndPoint, refused
+from ..requests import end_point, refused
 from .robots import rounded, whole_ref
 
 _REACHED_MM, _REACHED_DEG = 0.01, 0.01
 
 
-class AskedInverse(FileModel):
-    """Where the flange is to be."""
-
-    robot: RobotRef = Field(description="a built-in name, a robot file, or {urdf, base, tip}")
-    file: str | None = Field(
-        default=None, description="the file that the robot's path is relative to (default: the folder)"
-    )
-    joints_deg: Annotated[tuple[float, ...], BeforeValidator(as_tuple)] = Field(
-        description="posture from which it is dragged, degrees (millimetres for a prismatic joint)"
-    )
-    position_mm: Vector = Field(description="of the flange, base frame, millimetres")
-    quaternion_wxyz: Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None = Field(
-        default=None, min_length=4, max_length=4, description="of the flange (default: any orientation)"
-    )
-
-
-class InversePosture(JsonDocument):
+@record(kw_only=True)
+class InversePosture:
     """The nearest posture, as near to the pose as the arm comes."""
 
     joints_deg: list[float]
     reached: bool
     off_mm: float
     off_deg: float
-    at_limit: list[int] = Field(description="joints, from 1, at an end of their range")
-    beyond: list[int] = Field(description="joints, from 1, outside a range that depends on another joint")
+    at_limit: Annotated[list[int], it("joints, from 1, at an end of their range")]
+    beyond: Annotated[list[int], it("joints, from 1, outside a range that depends on another joint")]
 
 
-def inverse(folder: Folder, request: AskedInverse) -> InversePosture:
+@end_point("POST /api/inverse", "The nearest joints with the flange there, within the limits.")
+def inverse(
+    folder: Folder,
+    robot: Annotated[RobotRef, it("a built-in name, a robot file, or {urdf, base, tip}")],
+    joints_deg: Annotated[
+        tuple[float, ...],
+        BeforeValidator(as_tuple),
+        it("posture from which it is dragged, degrees (millimetres for a prismatic joint)"),
+    ],
+    position_mm: Annotated[Vector, it("of the flange, base frame, millimetres")],
+    file: Annotated[
+        str | None, it("the file that the robot's path is relative to (default: the folder)")
+    ] = None,
+    quaternion_wxyz: Annotated[
+        Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None,
+        it("of the flange (default: any orientation)"),
+        Field(min_length=4, max_length=4),
+    ] = None,
+) -> InversePosture:
     """The posture nearest to the stated one with the flange at a place."""
-    start = folder.root if request.file is None else folder.inside(request.file).parent
-    robot = load_robot(whole_ref(folder, request.robot, start), start)
-    if len(request.joints_deg) != robot.n:
-        error = BadInput("another number of joints", found=len(request.joints_deg), allowed=robot.n)
+    start = folder.root if file is None else folder.inside(file).parent
+    arm = load_robot(whole_ref(folder, robot, start), start)
+    if len(joints_deg) != arm.n:
+        error = BadInput("another number of joints", found=len(joints_deg), allowed=arm.n)
         raise refused(error, ("joints_deg",))
     rotation = None
-    if request.quaternion_wxyz is not None:
-        quaternion = np.array(request.quaternion_wxyz)
+    if quaternion_wxyz is not None:
+        quaternion = np.array(quaternion_wxyz)
         if not np.linalg.norm(quaternion) > 1e-6:
             error = BadInput("this quaternion has no length", found="0", allowed="[w, x, y, z]")
             raise refused(error, ("quaternion_wxyz",))
         rotation = rotation_of_quaternion(quaternion / np.linalg.norm(quaternion))
-    joints = np.array(request.joints_deg) / robot.display
-    there = nearest_posture(robot, joints, np.array(request.position_mm), rotation)
+    joints = np.array(joints_deg) / arm.display
+    there = nearest_posture(arm, joints, np.array(position_mm), rotation)
     off_deg = float(np.degrees(there.off_rad))
-    beyond = np.flatnonzero(beyond_limits(robot, there.joints[None])[0])
+    beyond = np.flatnonzero(beyond_limits(arm, there.joints[None])[0])
     return InversePosture(
-        joints_deg=rounded(there.joints * robot.display, 6),
+        joints_deg=rounded(there.joints * arm.display, 6),
         reached=there.off_mm <= _REACHED_MM and off_deg <= _REACHED_DEG,
         off_mm=there.off_mm,
         off_deg=off_deg,
         at_limit=list(there.at_limit),
         beyond=[int(i) + 1 for i in beyond],
     )
-
-
-END_POINTS = [
-    EndPoint(
-        "/api/inverse",
-        "POST",
-        "The nearest joints with the flange there, within the limits.",
-        inverse,
-        AskedInverse,
-    ),
-]

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field
 
 from ....model.errors import BadInput, NotWritten
-from ....model.files.json_document import JsonDocument
-from ....model.parsing.validation import FileModel
+from ....model.records import it, record
 from ..folder import Folder
-from ..requests import EndPoint, refused
+from ..requests import end_point, refused
 
 
-class AskedFolder(FileModel):
-    """A folder to make."""
-
-    name: str = Field(max_length=100, description="a name without /, below the app's folder")
-
-
-class MadeFolder(JsonDocument):
+@record(kw_only=True)
+class MadeFolder:
     """A folder that was made."""
 
     name: str
@@ -43,16 +38,15 @@ def new_path(folder: Folder, name: str) -> Path:
         raise refused(error, ("name",)) from error
 
 
-def new_folder(folder: Folder, request: AskedFolder) -> MadeFolder:
+@end_point("POST /api/folders", "Makes an empty folder for a calibration.")
+def new_folder(
+    folder: Folder,
+    name: Annotated[str, it("a name without /, below the app's folder"), Field(max_length=100)],
+) -> MadeFolder:
     """Make an empty folder."""
-    path = new_path(folder, request.name.strip())
+    path = new_path(folder, name.strip())
     try:
         path.mkdir()
     except OSError as error:
         raise NotWritten(f"the folder cannot be made: {error.strerror}", file=path) from None
     return MadeFolder(name=folder.called(path))
-
-
-END_POINTS = [
-    EndPoint("/api/folders", "POST", "Makes an empty folder for a calibration.", new_folder, AskedFolder)
-]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from ....analysis.answer.message import Message
 from ....analysis.observability.aim import AimedPlan, aim_plan
@@ -21,12 +21,12 @@ from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
-from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
 from ....model.instruments.kind import POINT, Mark, Target
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
-from ....model.parsing.validation import FileModel, as_tuple, validate
+from ....model.parsing.validation import as_tuple, validate
+from ....model.records import if_any, it, record
 from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines
@@ -35,8 +35,8 @@ from ....words.plan_message import plan_message
 from ....words.sentences import to_json
 from ....words.verdict import violation_words
 from ..folder import Folder
-from ..requests import NOWHERE, Content, EndPoint, keyed, noted
-from ..versions import Precondition, Versioned, replacing, version_of, version_of_sum
+from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
+from ..versions import Versioned, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
 from .robots import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
 
@@ -44,56 +44,24 @@ MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
 MOST_WITHOUT = 30  # postures that are left out in one answer
 
 
-class AskedCheck(FileModel):
-    """A plan to check."""
-
-    plan: Content = Field(description="the content of a plan file (zerobeam/plan/1)")
-    file: str | None = Field(
-        default=None, description="the file that it is from: paths in the plan are relative to its folder"
-    )
-    scene: bool = Field(default=False, description="whether to say where arm, beam and target are")
-    links: bool = Field(default=False, description="with `scene`: whether to say how each link stands")
-    obstacles: Obstacles | None = Field(
-        default=None, description="obstacles to judge the plan by, instead of those that it states"
-    )
+StatedPlan = Annotated[Content, it("the content of a plan file (zerobeam/plan/1)")]
+FileOfPlan = Annotated[
+    str | None, it("the file that it is from: paths in the plan are relative to its folder")
+]
 
 
-class AskedWithout(FileModel):
-    """A plan, and which of its postures to leave out."""
-
-    plan: Content = Field(description="the content of a plan file (zerobeam/plan/1)")
-    file: str | None = Field(
-        default=None, description="the file that it is from: paths in the plan are relative to its folder"
-    )
-    postures: Annotated[tuple[int, ...], BeforeValidator(as_tuple), Field(max_length=MOST_WITHOUT)] = Field(
-        description="postures, from 0, each of which is left out alone"
-    )
-
-
-class AskedObstacles(FileModel):
-    """Obstacles to write."""
-
-    file: str = Field(description="path below the folder (.yaml): a new file, or obstacles to be replaced")
-    obstacles: Obstacles = Field(description="the content of an obstacles file")
-
-
-class AskedPlan(FileModel):
-    """A plan to write."""
-
-    file: str = Field(description="path below the folder (.yaml): a new file, or a plan to be replaced")
-    plan: Content = Field(description="the content of a plan file (zerobeam/plan/1)")
-
-
+@record(kw_only=True)
 class ReadPlan(Versioned):
     """A plan file."""
 
     file: str
-    plan: Content = Field(description="its content")
-    targets: list[str] = Field(description="of its postures")
+    plan: Annotated[Content, it("its content")]
+    targets: Annotated[list[str], it("of its postures")]
     robot: DrawnArm
     notes: list[str]
 
 
+@record(kw_only=True)
 class WrittenPlan(Versioned):
     """A plan that was written."""
 
@@ -101,41 +69,42 @@ class WrittenPlan(Versioned):
     notes: list[str]
 
 
-class PostureScene(JsonDocument):
+@record(kw_only=True)
+class PostureScene:
     """A posture as the servo will leave it, mm in the base frame."""
 
     joints_deg: list[float]
-    skeleton: list[list[float]] = Field(description="the arm's points")
+    skeleton: Annotated[list[list[float]], it("the arm's points")]
     tool: list[float]
-    beam: list[list[float]] | None = Field(description="from the laser to its end; null for a probe")
+    beam: Annotated[list[list[float]] | None, it("from the laser to its end; null for a probe")]
     target: list[float]
     target_name: str
-    reaches: bool = Field(description="beam or probe comes to the target")
-    violations: list[str] = Field(description="what it breaks of the plan's constraints, in words")
+    reaches: Annotated[bool, it("beam or probe comes to the target")]
+    violations: Annotated[list[str], it("what it breaks of the plan's constraints, in words")]
     touches: list[str]
-    sights: list[list[list[float]]] = Field(description="lines to what an instrument measures")
-    axes: list[list[float]] | None = Field(
-        default=None, description="n unit vectors, of the joints; with `links`", exclude_if=is_none
+    sights: Annotated[list[list[list[float]]], it("lines to what an instrument measures")]
+    axes: Annotated[list[list[float]] | None, it("n unit vectors, of the joints; with `links`"), if_any] = (
+        None
     )
-    links: list[list[list[float]]] | None = Field(
-        default=None, description="n + 1 poses of base and links: rows of 3 x 4", exclude_if=is_none
-    )
+    links: Annotated[
+        list[list[list[float]]] | None, it("n + 1 poses of base and links: rows of 3 x 4"), if_any
+    ] = None
 
 
-class CellMark(JsonDocument):
+@record(kw_only=True)
+class CellMark:
     """What stands in the cell: an instrument or a target, mm in the base frame."""
 
     kind: Mark
     name: str
     at: list[float]
-    normal: list[float] | None = Field(default=None, exclude_if=is_none)
-    radius: float | None = Field(default=None, description="of a ball or a face", exclude_if=is_none)
-    acceptance_deg: float | None = Field(
-        default=None, description="largest angle of a beam to the normal", exclude_if=is_none
-    )
+    normal: Annotated[list[float] | None, if_any] = None
+    radius: Annotated[float | None, it("of a ball or a face"), if_any] = None
+    acceptance_deg: Annotated[float | None, it("largest angle of a beam to the normal"), if_any] = None
 
 
-class NullMotion(JsonDocument):
+@record(kw_only=True)
+class NullMotion:
     """How far joints, targets and tool go along a null-space direction, each in its own unit, for one prior
     standard deviation of the leading parameter: to first order the beam stays on the target."""
 
@@ -144,46 +113,50 @@ class NullMotion(JsonDocument):
     others: dict[str, float]
 
 
-class WorthColumn(JsonDocument):
+@record(kw_only=True)
+class WorthColumn:
     """The column beside u: its head, and what it says of each offset."""
 
     head: str
     of: dict[str, str]
 
 
-class CheckRemarks(JsonDocument):
+@record(kw_only=True)
+class CheckRemarks:
     """What the command prints besides the table."""
 
     worth: WorthColumn
-    tolerated: list[str] = Field(description="parameters with tolerances, of geometry and tool")
-    lines: list[str] = Field(description="on the geometry")
+    tolerated: Annotated[list[str], it("parameters with tolerances, of geometry and tool")]
+    lines: Annotated[list[str], it("on the geometry")]
     advice: str | None
     over_target: str | None
 
 
-class CheckAnswer(JsonDocument):
+class CheckAnswer(BaseModel):
     """`zerobeam/check/1` with its message and action; with `scene` also what a picture needs and what the
     command prints besides."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     message: Message
     action: OfferedAction
-    marks: list[CellMark] | None = Field(default=None, exclude_if=is_none)
-    scene: list[PostureScene] | None = Field(default=None, exclude_if=is_none)
-    touched_boxes: list[int] | None = Field(default=None, exclude_if=is_none)
-    null_motion: list[NullMotion] | None = Field(default=None, exclude_if=is_none)
-    said: CheckRemarks | None = Field(default=None, exclude_if=is_none)
+    marks: Annotated[list[CellMark] | None, if_any] = None
+    scene: Annotated[list[PostureScene] | None, if_any] = None
+    touched_boxes: Annotated[list[int] | None, if_any] = None
+    null_motion: Annotated[list[NullMotion] | None, if_any] = None
+    said: Annotated[CheckRemarks | None, if_any] = None
     warnings: list[str]
 
 
-class WithoutOne(JsonDocument):
+@record(kw_only=True)
+class WithoutOne:
     """What a plan determines without a posture; null for one that gives no measurement."""
 
     posture: int
     rest: WithoutPosture | None
 
 
+@record(kw_only=True)
 class ReadObstacles(Versioned):
     """An obstacles file."""
 
@@ -191,15 +164,17 @@ class ReadObstacles(Versioned):
     obstacles: Obstacles
 
 
+@record(kw_only=True)
 class WrittenObstacles(Versioned):
     """Obstacles that were written."""
 
     file: str
 
 
-def plan(folder: Folder, name: str) -> ReadPlan:
+@end_point("GET /api/plan", "A plan: its content, targets, robot and notes.")
+def plan_file(folder: Folder, file: str) -> ReadPlan:
     """A plan file with its robot."""
-    path = folder.inside(name)
+    path = folder.inside(file)
     with noted() as notes:
         document = read_yaml(path)
         require_schema(document.data, PLAN_SCHEMA, file=path, line=document.line(("schema",)))
@@ -217,19 +192,25 @@ def plan(folder: Folder, name: str) -> ReadPlan:
     )
 
 
-def write(folder: Folder, request: AskedPlan, precondition: Precondition) -> WrittenPlan:
+@end_point("PUT /api/plan", "Writes a plan: a new file, or in place of a plan.")
+def write(
+    folder: Folder,
+    file: Annotated[str, it("path below the folder (.yaml): a new file, or a plan to be replaced")],
+    plan: StatedPlan,
+    precondition: Precondition,
+) -> WrittenPlan:
     """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced, nor
     another version than the one that was read."""
-    path = _yaml_path(folder, request.file, "a plan")
+    path = _yaml_path(folder, file, "a plan")
     if path.exists():
         document = read_yaml(path)
         require_schema(document.data, PLAN_SCHEMA, file=path, line=None)
     with noted() as notes:
-        written = _plan_of(folder, request.plan, path)
+        written = _plan_of(folder, plan, path)
     rows = written.postures * written.robot.display
     via = [between * written.robot.display for between in written.via]
     # What degrees lose on the way to radians and back is far below what a file states.
-    with replacing(path, precondition, lambda: plan(folder, request.file)) as force:
+    with replacing(path, precondition, lambda: plan_file(folder, file)) as force:
         write_plan(
             path,
             written.header,
@@ -244,21 +225,33 @@ def write(folder: Folder, request: AskedPlan, precondition: Precondition) -> Wri
     return WrittenPlan(version=version_of(path), file=folder.called(path), notes=notes)
 
 
-def check(folder: Folder, request: AskedCheck) -> CheckAnswer:
+@end_point(
+    "POST /api/check", "A check (zerobeam/check/1); with `scene` what is drawn; `obstacles` for the plan's."
+)
+def check(
+    folder: Folder,
+    plan: StatedPlan,
+    file: FileOfPlan = None,
+    scene: Annotated[bool, it("whether to say where arm, beam and target are")] = False,
+    links: Annotated[bool, it("with `scene`: whether to say how each link stands")] = False,
+    obstacles: Annotated[
+        Obstacles | None, it("obstacles to judge the plan by, instead of those that it states")
+    ] = None,
+) -> CheckAnswer:
     """A check; with `scene` also what a picture needs."""
     with noted() as notes:
-        aimed = _aimed(folder, request.plan, request.file)
-        if request.obstacles is not None:
-            aimed = _among(aimed, request.obstacles)
+        aimed = _aimed(folder, plan, file)
+        if obstacles is not None:
+            aimed = _among(aimed, obstacles)
         checked = check_plan(aimed.plan, aimed)
         message = plan_message(checked)
         offered = action_of_plan(checked, message.action)
         content = {**to_json(checked), "message": message, "action": offered}
         answer = CheckAnswer(**content, warnings=notes)
-        if request.scene:
+        if scene:
             answer = answer.model_copy(
                 update={
-                    "scene": _scene(aimed, checked.violations, links=request.links),
+                    "scene": _scene(aimed, checked.violations, links=links),
                     "marks": list(_marks(aimed)),
                     "touched_boxes": touched_boxes(aimed),
                     "null_motion": _null_motion(checked),
@@ -268,34 +261,50 @@ def check(folder: Folder, request: AskedCheck) -> CheckAnswer:
     return answer
 
 
-def without(folder: Folder, request: AskedWithout) -> list[WithoutOne]:
+@end_point("POST /api/without", "What a plan is without each of its postures.")
+def without(
+    folder: Folder,
+    plan: StatedPlan,
+    postures: Annotated[
+        tuple[int, ...],
+        BeforeValidator(as_tuple),
+        it("postures, from 0, each of which is left out alone"),
+        Field(max_length=MOST_WITHOUT),
+    ],
+    file: FileOfPlan = None,
+) -> list[WithoutOne]:
     """What the plan determines without each posture."""
     with noted():
-        aimed = _aimed(folder, request.plan, request.file)
+        aimed = _aimed(folder, plan, file)
         broken = violations(aimed)
-        checks = [(i, without_posture(aimed, i, broken)) for i in request.postures]
+        checks = [(i, without_posture(aimed, i, broken)) for i in postures]
     return [WithoutOne(posture=i, rest=rest) for i, rest in checks]
 
 
-def obstacles(folder: Folder, name: str) -> ReadObstacles:
+@end_point("GET /api/obstacles", "The content of an obstacles file.")
+def obstacles_file(folder: Folder, file: str) -> ReadObstacles:
     """An obstacles file: its content."""
-    path = folder.inside(name)
+    path = folder.inside(file)
     document = read_yaml(path)
     content = validate(Obstacles, document.data, file=path, line=document.line)
     version = version_of_sum(document.sha256)
     return ReadObstacles(version=version, file=folder.called(path), obstacles=content)
 
 
+@end_point("PUT /api/obstacles", "Writes obstacles: a new file, or in place of obstacles.")
 def write_obstacles_file(
-    folder: Folder, request: AskedObstacles, precondition: Precondition
+    folder: Folder,
+    file: Annotated[str, it("path below the folder (.yaml): a new file, or obstacles to be replaced")],
+    obstacles: Annotated[Obstacles, it("the content of an obstacles file")],
+    precondition: Precondition,
 ) -> WrittenObstacles:
     """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced, nor another
     version than the one that was read."""
-    path = _yaml_path(folder, request.file, "obstacles")
+    path = _yaml_path(folder, file, "obstacles")
     if path.exists():
         read_obstacles(path)
-    with replacing(path, precondition, lambda: obstacles(folder, request.file)) as force:
-        write_obstacles(path, request.obstacles, force=force)
+    with replacing(path, precondition, lambda: obstacles_file(folder, file)) as force:
+        write_obstacles(path, obstacles, force=force)
     return WrittenObstacles(version=version_of(path), file=folder.called(path))
 
 
@@ -470,33 +479,3 @@ def _null_motion(checked: Check) -> list[NullMotion]:
             )
         )
     return motions
-
-
-END_POINTS = [
-    EndPoint("/api/plan", "GET", "A plan: its content, targets, robot and notes.", plan, query=("file",)),
-    EndPoint(
-        "/api/plan",
-        "PUT",
-        "Writes a plan: a new file, or in place of a plan.",
-        write,
-        AskedPlan,
-        conditional=True,
-    ),
-    EndPoint(
-        "/api/check",
-        "POST",
-        "A check (zerobeam/check/1); with `scene` what is drawn; `obstacles` for the plan's.",
-        check,
-        AskedCheck,
-    ),
-    EndPoint("/api/without", "POST", "What a plan is without each of its postures.", without, AskedWithout),
-    EndPoint("/api/obstacles", "GET", "The content of an obstacles file.", obstacles, query=("file",)),
-    EndPoint(
-        "/api/obstacles",
-        "PUT",
-        "Writes obstacles: a new file, or in place of obstacles.",
-        write_obstacles_file,
-        AskedObstacles,
-        conditional=True,
-    ),
-]

@@ -13,13 +13,13 @@ from pydantic import BeforeValidator, Field
 from ....analysis.estimation.fit import LikelihoodFit
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
 from ....model.likelihood.problem import Problem
-from ....model.parsing.validation import FileModel, as_tuple
+from ....model.parsing.validation import as_tuple
+from ....model.records import it, record
 from ....words.wording import shown
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import EndPoint
+from ..requests import end_point
 from .refits import FittedRun, fitted
 
 MOST_DRAWS = 2000  # shown
@@ -27,16 +27,6 @@ MOST_RESIDUALS = 600_000  # draws times measurements, computed for them
 MOST_STORED = 10**7  # draws of one parameter in a file
 MOST_VARIABLES = 5000
 _OFFSET = re.compile(r"delta\d{1,2}")
-
-
-class AskedBrush(FileModel):
-    """StoredDraws that are chosen by ranges of some parameters."""
-
-    posterior: str = Field(description="a posterior.nc below the folder")
-    run: str = Field(description="the run file that it was made of")
-    ranges: dict[str, Annotated[tuple[float, float], BeforeValidator(as_tuple)]] = Field(
-        description="by parameter: least and largest value of the draws that are chosen", max_length=12
-    )
 
 
 @dataclass(frozen=True)
@@ -113,19 +103,21 @@ def _member(group: Any, name: str) -> Any:
     return member
 
 
-class PosteriorDraws(JsonDocument):
+@record(kw_only=True)
+class PosteriorDraws:
     """Thinned draws of the offsets that the data determine: `draws` has a list for each of the `names`."""
 
     file: str
     converged: bool
-    total: int = Field(description="draws in the file")
+    total: Annotated[int, it("draws in the file")]
     names: list[str]
     units: list[str]
     draws: list[list[float]]
-    prior_only: list[str] = Field(description="offsets that the data do not determine")
+    prior_only: Annotated[list[str], it("offsets that the data do not determine")]
 
 
-class BrushedShot(JsonDocument):
+@record(kw_only=True)
+class BrushedShot:
     """A measurement: mean length of its normalised residual over all draws, and over the chosen ones."""
 
     shot: int
@@ -133,22 +125,24 @@ class BrushedShot(JsonDocument):
     chosen: float
 
 
-class Brushed(JsonDocument):
+@record(kw_only=True)
+class Brushed:
     """What choosing some draws does to the residuals."""
 
     draws: int
     chosen: int
     shots: list[BrushedShot]
-    reason: str | None = Field(description="why there is none")
+    reason: Annotated[str | None, it("why there is none")]
 
 
-def posterior(folder: Folder, name: str) -> PosteriorDraws:
+@end_point("GET /api/posterior", "Thinned posterior draws of the offsets.")
+def posterior(folder: Folder, file: str) -> PosteriorDraws:
     """Thinned draws of the offsets that the data determine, and the names of those that they do not."""
-    draws = _drawn(folder.file(name))
+    draws = _drawn(folder.file(file))
     offsets = [i for i, name in enumerate(draws.names) if _OFFSET.fullmatch(name)] if draws.converged else []
     offsets.sort(key=lambda i: int(draws.names[i][5:]))
     return PosteriorDraws(
-        file=name,
+        file=file,
         converged=draws.converged,
         total=draws.total,
         names=[draws.names[i] for i in offsets],
@@ -158,41 +152,51 @@ def posterior(folder: Folder, name: str) -> PosteriorDraws:
     )
 
 
-def brush(folder: Folder, request: AskedBrush) -> Brushed:
+@end_point("POST /api/brush", "Normalised residuals of some draws, and of all.")
+def brush(
+    folder: Folder,
+    posterior: Annotated[str, it("a posterior.nc below the folder")],
+    run: Annotated[str, it("the run file that it was made of")],
+    ranges: Annotated[
+        dict[str, Annotated[tuple[float, float], BeforeValidator(as_tuple)]],
+        it("by parameter: least and largest value of the draws that are chosen"),
+        Field(max_length=12),
+    ],
+) -> Brushed:
     """Per measurement the mean length of its normalised residual over all draws, and over the chosen ones.
 
     `reason` says why there is none: a parameter that the data do not determine has draws of its prior alone,
     which say nothing of the residuals.
     """
-    path = folder.file(request.posterior)
+    path = folder.file(posterior)
     draws = _drawn(path)
-    for name in request.ranges:
+    for name in ranges:
         if name not in draws.names:
             raise BadInput("there are no draws of this parameter", found=name, allowed=", ".join(draws.names))
     chosen = np.ones(len(draws.values), dtype=bool)
-    for name, (low, high) in request.ranges.items():
+    for name, (low, high) in ranges.items():
         column = draws.values[:, draws.names.index(name)]
         chosen &= (column >= low) & (column <= high)
 
     def without_residuals(reason: str) -> Brushed:
         return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=[], reason=reason)
 
-    run = fitted(folder.file(request.run))
-    if run.run.sha256 != draws.sha256:
+    fit = fitted(folder.file(run))
+    if fit.run.sha256 != draws.sha256:
         raise BadInput("these draws are not of this run", found=f"SHA-256 {draws.sha256[:12]}…")
-    tolerated = {row.name for row in run.solution.parameters if row.tolerated}
+    tolerated = {row.name for row in fit.solution.parameters if row.tolerated}
     prior = [name for name in draws.prior if name not in tolerated]
     if prior:
         few = ", ".join(prior[:6]) + (" …" if len(prior) > 6 else "")
         return without_residuals(
             f"{few}: unidentifiable; their draws are of the prior alone and say nothing of the residuals"
         )
-    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(run, draws))
+    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(fit, draws))
     among = chosen[::every]
     if not among.any():
         return without_residuals("no draw is in this region")
     whole, part = lengths.mean(axis=0), lengths[among].mean(axis=0)
-    rows = zip(run.problem.shot_numbers, whole, part, strict=True)
+    rows = zip(fit.problem.shot_numbers, whole, part, strict=True)
     shots = [BrushedShot(shot=shot, all=float(one), chosen=float(other)) for shot, one, other in rows]
     return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=shots, reason=None)
 
@@ -247,9 +251,3 @@ def _with_tolerated(fit: LikelihoodFit, rows: Matrix, drawn: set[int]) -> Matrix
     result = rows.copy()
     result[:, others] = fit.x[others] + shift * parameters.prior_std[others]
     return result
-
-
-END_POINTS = [
-    EndPoint("/api/posterior", "GET", "Thinned posterior draws of the offsets.", posterior, query=("file",)),
-    EndPoint("/api/brush", "POST", "Normalised residuals of some draws, and of all.", brush, AskedBrush),
-]

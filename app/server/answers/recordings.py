@@ -5,23 +5,23 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from ....analysis.solution import Solution, so_far
 from ....experiments.makers.maker import makers
 from ....experiments.rigs.live.address import SCHEMES
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
 from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
+from ....model.records import it, record
 from ....words.message import headline_so_far
 from ....words.provenance import SIMULATED
 from ....words.wording import person
 from ..folder import Folder
-from ..requests import EndPoint, noted
+from ..requests import end_point, noted
 from ..started_runs import StartedRuns
 
 _MOST = 20  # of its measurements after each of which u is said
@@ -32,54 +32,58 @@ _BY_HAND = "by hand"
 _ABB = "abb"
 
 
-class RecordedRun(JsonDocument):
+@record(kw_only=True)
+class RecordedRun:
     """A run file, and how to go on with it."""
 
     file: str
-    origin: str | bool | int | float | None = Field(default=None, description="of its provenance")
-    plan: str | None = Field(default=None, description="the plan that it was begun with, if it is here")
-    postures: int | None = Field(default=None, description="of that plan")
-    recorded: list[int] = Field(default=[], description="numbers of its measurements")
-    ended: bool | None = Field(default=None, description="null: not known")
-    torn: bool = Field(default=False, description="its last line is cut off")
-    resume: list[str] | None = Field(description="the command that goes on with it, without an address")
-    controller: str | None = Field(
-        default=None, description="abb, or the protocol, of a controller whose address is to be stated again"
-    )
-    why_not: str | None = Field(description="why there is none")
+    origin: Annotated[str | bool | int | float | None, it("of its provenance")] = None
+    plan: Annotated[str | None, it("the plan that it was begun with, if it is here")] = None
+    postures: Annotated[int | None, it("of that plan")] = None
+    recorded: Annotated[Sequence[int], it("numbers of its measurements")] = ()
+    ended: Annotated[bool | None, it("null: not known")] = None
+    torn: Annotated[bool, it("its last line is cut off")] = False
+    resume: Annotated[list[str] | None, it("the command that goes on with it, without an address")]
+    controller: Annotated[
+        str | None, it("abb, or the protocol, of a controller whose address is to be stated again")
+    ] = None
+    why_not: Annotated[str | None, it("why there is none")]
 
 
-class CoursePoint(JsonDocument):
+@record(kw_only=True)
+class CoursePoint:
     """What the measurements so far determined after one of them."""
 
-    recorded: int = Field(description="how many measurements there were")
-    std: dict[str, float | None] = Field(description="of each offset, deg or mm; null: not determined")
-    expanded: dict[str, float | None] = Field(description="the same as U = k std")
+    recorded: Annotated[int, it("how many measurements there were")]
+    std: Annotated[dict[str, float | None], it("of each offset, deg or mm; null: not determined")]
+    expanded: Annotated[dict[str, float | None], it("the same as U = k std")]
 
 
+@record(kw_only=True)
 class RunSoFar(RecordedRun):
     """A run file, with what its measurements determine."""
 
-    std: dict[str, float | None] = Field(description="of each offset, deg or mm; null: not determined")
-    expanded: dict[str, float | None] = Field(description="the same as U = k std")
-    tolerance: dict[str, float] = Field(description="up to which std an offset counts as identified")
-    course: list[CoursePoint] = Field(description="after each of the last measurements")
-    residuals: dict[int, float] = Field(
-        description="normalised residuals at the fit to all, by the number of the measurement"
-    )
+    std: Annotated[dict[str, float | None], it("of each offset, deg or mm; null: not determined")]
+    expanded: Annotated[dict[str, float | None], it("the same as U = k std")]
+    tolerance: Annotated[dict[str, float], it("up to which std an offset counts as identified")]
+    course: Annotated[list[CoursePoint], it("after each of the last measurements")]
+    residuals: Annotated[
+        dict[int, float], it("normalised residuals at the fit to all, by the number of the measurement")
+    ]
     worst_std: float | None
     headline: str | None
     notes: list[str]
 
 
-def recording(folder: Folder, name: str) -> RunSoFar:
+@end_point("GET /api/run", "What a run file has so far, and how to go on with it.")
+def recording(folder: Folder, file: str) -> RunSoFar:
     """What a run file has, what that determines, and how to go on with it."""
     with noted() as notes:
-        run, facts = _read(folder, name)
+        run, facts = _read(folder, file)
         states = _states(run)
         state = states[-1][1] if states else None
     return RunSoFar(
-        **dict(facts),
+        **vars(facts),
         std={} if state is None else state.offset_std,
         expanded={} if state is None else state.offset_expanded,
         tolerance={} if state is None else state.offset_tolerance,
@@ -94,6 +98,7 @@ def recording(folder: Folder, name: str) -> RunSoFar:
     )
 
 
+@end_point("GET /api/unfinished", "Runs begun here that have not reached their end.")
 def unfinished(folder: Folder) -> list[RecordedRun]:
     """The runs that the app began and that have not reached their end, the newest first, `_MOST_RUNS` at the
     most; of one that cannot be read `why_not` alone."""
@@ -194,16 +199,18 @@ def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
     return None
 
 
-class LiveForm(JsonDocument):
+@record(kw_only=True)
+class LiveForm:
     """A protocol by which joints are read from a controller: `run --rig SCHEME://HOST[:PORT]`."""
 
     scheme: str
-    vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
+    vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")]
     maker: str
-    port: int = Field(description="the usual one")
-    options: list[str] = Field(description="names of what may be stated behind ?")
+    port: Annotated[int, it("the usual one")]
+    options: Annotated[list[str], it("names of what may be stated behind ?")]
 
 
+@end_point("GET /api/live", "Protocols by which joints are read from controllers.")
 def live(_: Folder) -> list[LiveForm]:
     """The protocols of all makers' controllers."""
     names = {maker.vendor: maker.name for maker in makers()}
@@ -217,16 +224,3 @@ def live(_: Folder) -> list[LiveForm]:
         )
         for name, scheme in SCHEMES.items()
     ]
-
-
-END_POINTS = [
-    EndPoint("/api/live", "GET", "Protocols by which joints are read from controllers.", live),
-    EndPoint(
-        "/api/run",
-        "GET",
-        "What a run file has so far, and how to go on with it.",
-        recording,
-        query=("file",),
-    ),
-    EndPoint("/api/unfinished", "GET", "Runs begun here that have not reached their end.", unfinished),
-]

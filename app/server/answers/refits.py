@@ -18,24 +18,16 @@ from ....analysis.status import known
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.likelihood.problem import Problem
-from ....model.parsing.validation import FileModel, as_tuple
+from ....model.parsing.validation import as_tuple
+from ....model.records import it
 from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.sentences import to_json
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import EndPoint, Refused
+from ..requests import Content, Refused, end_point
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
-
-
-class AskedRefit(FileModel):
-    """A run to fit again."""
-
-    run: str = Field(description="a run file below the folder")
-    without: Annotated[tuple[int, ...], BeforeValidator(as_tuple), Field(max_length=MOST_MEASUREMENTS)] = (
-        Field(default=(), description="numbers of the measurements to leave out")
-    )
 
 
 @dataclass(frozen=True)
@@ -71,16 +63,28 @@ def _fitted(path: Path) -> FittedRun:
         return FittedRun(run, problem, solve_run(problem, run.header))
 
 
-def refit(folder: Folder, request: AskedRefit) -> dict[str, Any]:
+@end_point(
+    "POST /api/refit", "A run fitted again without some measurements: verdict, offsets before and after."
+)
+def refit(
+    folder: Folder,
+    run: Annotated[str, it("a run file below the folder")],
+    without: Annotated[
+        tuple[int, ...],
+        BeforeValidator(as_tuple),
+        it("numbers of the measurements to leave out"),
+        Field(max_length=MOST_MEASUREMENTS),
+    ] = (),
+) -> Content:
     """The answer `without` some measurements: verdict, headline, offsets (as in result.json, with `before`:
     their rows by all measurements), null-space directions, misfit; `lost` are the parameters that are
     unidentifiable without them, and were not."""
-    fitted_run = fitted(folder.file(request.run))
+    fitted_run = fitted(folder.file(run))
     whole = fitted_run.solution
     solution = whole
-    if request.without:
+    if without:
         with threadpool_limits(limits=1, user_api="blas"):
-            solution = _without(fitted_run, request.without)
+            solution = _without(fitted_run, without)
     before = {row.name: row for row in whole.parameters}
     offsets = [
         to_json(row) | {"before": to_json(before[row.name])}
@@ -93,7 +97,7 @@ def refit(folder: Folder, request: AskedRefit) -> dict[str, Any]:
         if row.status == "unidentifiable" and known(before[row.name].status)
     ]
     return {
-        "without": sorted(set(request.without)),
+        "without": sorted(set(without)),
         "measurements": solution.problem.shots,
         "of": fitted_run.problem.shots,
         "verdict": solution.verdict,
@@ -139,14 +143,3 @@ def _selected(problem: Problem, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Pro
     kept = {selected.targets[k] for k in selected.target_index.tolist()}
     gone = set(selected.targets) - kept
     return selected.without_targets(gone) if gone else selected
-
-
-END_POINTS = [
-    EndPoint(
-        "/api/refit",
-        "POST",
-        "A run fitted again without some measurements: verdict, offsets before and after.",
-        refit,
-        AskedRefit,
-    ),
-]

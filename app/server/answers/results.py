@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from ....analysis.answer.result import RESULT_SCHEMA, Result, parse_result
 from ....model.errors import BadInput
@@ -17,7 +16,7 @@ from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import EndPoint
+from ..requests import Content, end_point
 from .actions import action_of_result
 from .displacements import in_workspace
 
@@ -58,9 +57,14 @@ def _read(path: Path) -> Result:
     )
 
 
-def result(folder: Folder, name: str) -> dict[str, Any]:
+@end_point(
+    "GET /api/result",
+    "A result for people, the files of its report, and the displacement of the TCP by the offsets"
+    " (`tcp_map`, mm; null where it is not known, with `tcp_why`).",
+)
+def result(folder: Folder, file: str) -> Content:
     """What a result says, the `files` of its report, and the `run` of the folder that it was made of."""
-    path = folder.file(name)
+    path = folder.file(file)
     content = read_result(path)
     beside = report_files(path)
     inputs = content.inputs
@@ -76,8 +80,8 @@ def result(folder: Folder, name: str) -> dict[str, Any]:
         "posterior": {"converged": content.posterior.converged, "message": content.posterior.message},
         "action": None
         if content.message is None
-        else action_of_result(folder, content.message.action, run).to_json(),
-        **in_workspace(content, run).to_json(),
+        else to_json(action_of_result(folder, content.message.action, run)),
+        **to_json(in_workspace(content, run)),
         "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
         "diagnosis": [row.sentence for row in content.diagnosis],
         "parameters": [
@@ -135,15 +139,3 @@ def _runs(folder: Folder) -> Iterator[Path]:
 def _shared(path: Path, near: Path) -> tuple[str, ...]:
     pairs = zip(path.parts, near.parts, strict=False)
     return tuple(one for i, (one, other) in enumerate(pairs) if path.parts[: i + 1] == near.parts[: i + 1])
-
-
-END_POINTS = [
-    EndPoint(
-        "/api/result",
-        "GET",
-        "A result for people, the files of its report, and the displacement of the TCP by the offsets"
-        " (`tcp_map`, mm; null where it is not known, with `tcp_why`).",
-        result,
-        query=("file",),
-    ),
-]

@@ -8,87 +8,66 @@ from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from ....experiments.arm_shown import ShownArm, arm_json, shown_arm
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef, UrdfRef
-from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.kinematics.robot import Robot
-from ....model.parsing.validation import FileModel, as_tuple
+from ....model.parsing.validation import as_tuple
+from ....model.records import if_any, it, record
 from ..folder import Folder
-from ..requests import EndPoint, noted
+from ..requests import end_point, noted
 from .meshes import read_mesh, simplified, solid
 
 MOST_TRIANGLES = 3000  # of an arm: what a tablet draws while it is turned
 
 
-class AskedRobot(FileModel):
-    """A robot to show."""
-
-    robot: RobotRef = Field(
-        description="a built-in name, a robot file below the folder, or {urdf, base, tip}"
-    )
-    joints_deg: Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None = Field(
-        default=None, description="joint positions, degrees (millimetres for a prismatic joint); default: 0"
-    )
-    j3: Literal["link", "ground", "pendant"] = Field(
-        default="link",
-        description="what joint 3 is counted from: link 2, as in files; the ground; or as the robot file"
-        " states of the pendant",
-    )
-    as_in_files: bool = Field(
-        default=False,
-        description="joints_deg are those of a file, joint 3 from link 2, whatever j3 says of what is shown",
-    )
-
-
-class AskedMeshes(FileModel):
-    """A URDF of which the meshes are to be drawn."""
-
-    robot: UrdfRef = Field(description="{urdf, base, tip}, the file below the folder")
-
-
-class BuiltInRobot(JsonDocument):
+@record(kw_only=True)
+class BuiltInRobot:
     """A robot of the library."""
 
     name: str
-    vendor: str | None = Field(description="null where it is not stated")
-    model: str | None = Field(description="null where it is not stated")
+    vendor: Annotated[str | None, it("null where it is not stated")]
+    model: Annotated[str | None, it("null where it is not stated")]
 
 
-class DrawnArm(JsonDocument):
+class DrawnArm(BaseModel):
     """`zerobeam/arm/1` (docs/files.md), and the arm in its first posture, in the base frame."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
-    skeleton: list[list[float]] = Field(description="n + 2 points, mm: base, joints, flange")
-    axes: list[list[float]] = Field(description="n unit vectors, of the joints")
-    links: list[list[list[float]]] = Field(description="n + 1 poses of base and links: rows of 3 x 4")
-    ranges: list[list[float]] = Field(
-        description="n lower and upper limits, deg (mm), joint 3 from link 2; `joints` has the pendant's"
-    )
-    notes: list[str] | None = Field(default=None, description="where numbers look wrong", exclude_if=is_none)
+    skeleton: Annotated[list[list[float]], it("n + 2 points, mm: base, joints, flange")]
+    axes: Annotated[list[list[float]], it("n unit vectors, of the joints")]
+    links: Annotated[list[list[list[float]]], it("n + 1 poses of base and links: rows of 3 x 4")]
+    ranges: Annotated[
+        list[list[float]],
+        it("n lower and upper limits, deg (mm), joint 3 from link 2; `joints` has the pendant's"),
+    ]
+    notes: Annotated[list[str] | None, it("where numbers look wrong"), if_any] = None
 
 
-class LinkMesh(JsonDocument):
+@record(kw_only=True)
+class LinkMesh:
     """What a URDF shows of a link."""
 
-    link: int = Field(description="0: the base; k: the link behind joint k of the chain")
-    vertices: list[list[float]] = Field(description="in the link's frame, mm")
-    faces: list[list[int]] = Field(description="three vertices each")
+    link: Annotated[int, it("0: the base; k: the link behind joint k of the chain")]
+    vertices: Annotated[list[list[float]], it("in the link's frame, mm")]
+    faces: Annotated[list[list[int]], it("three vertices each")]
 
 
-class ArmMeshes(JsonDocument):
+@record(kw_only=True)
+class ArmMeshes:
     """What a URDF shows of its links."""
 
     meshes: list[LinkMesh]
-    notes: list[str] = Field(description="on what is left out")
+    notes: Annotated[list[str], it("on what is left out")]
 
 
+@end_point("GET /api/robots", "The built-in robots: name, vendor, model.")
 @cache
 def robots(_: Folder) -> list[BuiltInRobot]:
     """The built-in robots."""
@@ -96,13 +75,31 @@ def robots(_: Folder) -> list[BuiltInRobot]:
     return [BuiltInRobot(name=name, vendor=rows.vendor, model=rows.model) for name, rows in libraries]
 
 
-def robot(folder: Folder, request: AskedRobot) -> DrawnArm:
+@end_point("POST /api/robot", "A robot (zerobeam/arm/1), its skeleton and axes.")
+def drawn_robot(
+    folder: Folder,
+    robot: Annotated[RobotRef, it("a built-in name, a robot file below the folder, or {urdf, base, tip}")],
+    joints_deg: Annotated[
+        Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None,
+        it("joint positions, degrees (millimetres for a prismatic joint); default: 0"),
+    ] = None,
+    j3: Annotated[
+        Literal["link", "ground", "pendant"],
+        it(
+            "what joint 3 is counted from: link 2, as in files; the ground; or as the robot file"
+            " states of the pendant"
+        ),
+    ] = "link",
+    as_in_files: Annotated[
+        bool,
+        it("joints_deg are those of a file, joint 3 from link 2, whatever j3 says of what is shown"),
+    ] = False,
+) -> DrawnArm:
     """An arm, drawn."""
     with noted() as notes:
-        ref = whole_ref(folder, request.robot, folder.root)
-        j3 = None if request.j3 == "pendant" else request.j3
-        joints = [] if request.joints_deg is None else [request.joints_deg]
-        arm = shown_arm(ref, joints, j3=j3, as_in_files=request.as_in_files)
+        ref = whole_ref(folder, robot, folder.root)
+        joints = [] if joints_deg is None else [joints_deg]
+        arm = shown_arm(ref, joints, j3=None if j3 == "pendant" else j3, as_in_files=as_in_files)
     return arm_of(arm, notes)
 
 
@@ -160,11 +157,14 @@ def rounded(values: Matrix, digits: int) -> list[Any]:
     return (np.round(values, digits) + 0.0).tolist()  # type: ignore[no-any-return]
 
 
-def meshes(folder: Folder, request: AskedMeshes) -> ArmMeshes:
+@end_point("POST /api/meshes", "What a URDF shows of its links, as triangles.")
+def meshes(
+    folder: Folder, robot: Annotated[UrdfRef, it("{urdf, base, tip}, the file below the folder")]
+) -> ArmMeshes:
     """What a URDF shows of its links."""
-    path = folder.inside(request.robot.urdf)
+    path = folder.inside(robot.urdf)
     shown, notes = [], []
-    visuals = visuals_of(path, request.robot.base, request.robot.tip)
+    visuals = visuals_of(path, robot.base, robot.tip)
     for visual in visuals:
         try:
             if visual.kind == "mesh":
@@ -198,10 +198,3 @@ def _mesh_file(folder: Folder, name: str, start: Path) -> Path:
         if (path := folder.inside(inner, root)).is_file():
             return path
     raise BadInput(f"there is no package {package} with this file in the app's folder")
-
-
-END_POINTS = [
-    EndPoint("/api/robots", "GET", "The built-in robots: name, vendor, model.", robots),
-    EndPoint("/api/robot", "POST", "A robot (zerobeam/arm/1), its skeleton and axes.", robot, AskedRobot),
-    EndPoint("/api/meshes", "POST", "What a URDF shows of its links, as triangles.", meshes, AskedMeshes),
-]

@@ -4,25 +4,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from ....model.options import Option
 from ..maker import (
     FormatMark,
     KnownLog,
     Maker,
     OffsetFile,
-    Option,
     PlanProgram,
     PointNames,
     ProgramFiles,
     Reader,
-    names_of,
 )
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..generic.csv_file import CsvLayout
-    from ..plan_programs import ProgramMotion
+    from ..generic.layouts import CsvLayout
+    from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
@@ -77,7 +76,7 @@ def _read_rapid(
 
     if points is None and is_program_log(job):
         return import_program_log(job, source="RAPID")
-    return import_rapid(job, points=names_of(points), tool=tool, frame=frame)
+    return import_rapid(job, points=points, tool=tool, frame=frame)
 
 
 def _egm(joints: int) -> "CsvLayout":
@@ -85,10 +84,12 @@ def _egm(joints: int) -> "CsvLayout":
 
     Six significant digits: angles beyond 100 degrees are cut to 0.001.
     """
-    from ..generic.csv_file import CsvLayout
+    from ..generic.layouts import CsvLayout
 
     columns = tuple(f"R_FB_POS_RJ{i + 1}" for i in range(joints))
-    return CsvLayout("deg", header_row=True, columns=columns, time_column="TIMESTAMP", time_units="ms")
+    return CsvLayout(
+        "deg", header_row=True, columns=columns, delimiter=",", time_column="TIMESTAMP", time_units="ms"
+    )
 
 
 def _rapid() -> "Language":

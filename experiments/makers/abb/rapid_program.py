@@ -14,11 +14,11 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..calibration import RobotCalibration
 from ..maker import one_line, require_vendor
+from ..options import ProgramMotion
 from ..plan_programs import (
     LOG,
     LOG_PLAN,
     PlanStep,
-    ProgramMotion,
     decimal,
     head_lines,
     listed,

@@ -20,17 +20,8 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..line_language import LineLanguage, Statement
 from ..maker import blanked, one_line
-from ..plan_programs import (
-    LOG,
-    LOG_PLAN,
-    ProgramMotion,
-    head_lines,
-    listed,
-    made_for,
-    percents,
-    short_hash,
-    steps_of,
-)
+from ..options import ProgramMotion
+from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
 
 _REMARK = r"'[^\n]*|(?i:\brem\b)[^\n]*"
 _LIST = re.compile(r"(?P<kind>[A-Za-z]?)\s*\(\s*(?P<values>[^()\n]*?(?:,[^()\n]*?){5,})\s*\)")

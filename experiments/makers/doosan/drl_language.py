@@ -20,7 +20,8 @@ from ....model.kinematics.branches import Branches
 from ....model.kinematics.robot import Robot
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import LOG, ProgramMotion, decimal, head_lines, listed, made_for, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import LOG, decimal, head_lines, listed, made_for, steps_of
 
 _ACCELERATION = 20.0  # deg/s2
 _RIGHTY = 4

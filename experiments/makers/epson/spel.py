@@ -13,17 +13,8 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import (
-    LOG,
-    LOG_PLAN,
-    ProgramMotion,
-    head_lines,
-    listed,
-    made_for,
-    percents,
-    short_hash,
-    steps_of,
-)
+from ..options import ProgramMotion
+from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
 from .spel_points import with_points
 
 SPEL = with_points(

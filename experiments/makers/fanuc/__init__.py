@@ -4,24 +4,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from ....model.options import Option
 from ..maker import (
     FormatMark,
     J3Counting,
     Maker,
     OffsetFile,
-    Option,
     PlanProgram,
     PointNames,
     ProgramFiles,
     Reader,
-    names_of,
 )
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
@@ -86,7 +85,7 @@ def _read_points(
     """FANUC: positions in joint representation, taught or recorded by a plan's program."""
     from .tp_points import import_fanuc
 
-    return import_fanuc(job, j3=j3, points=names_of(points), register=register)
+    return import_fanuc(job, j3=j3, points=points, register=register)
 
 
 def _tp() -> "Language":

@@ -12,7 +12,8 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.pendant import pendant_of
 from ..maker import one_line
-from ..plan_programs import LOG_PLAN, ProgramMotion, decimal, made_for, percents, short_hash, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import LOG_PLAN, decimal, made_for, percents, short_hash, steps_of
 
 AXES = 6
 _COMMENT = 32  # characters of a comment line

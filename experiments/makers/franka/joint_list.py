@@ -11,7 +11,8 @@ import math
 from ....model.files.plan import Plan
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import decimal, head_lines, made_for, steps_of
 
 _AXES = 7
 _DIGITS = 12

@@ -1,33 +1,30 @@
 """For robots of any maker: tables, robot files, URDF, RoboDK, ROS."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from ....model.errors import BadInput
+from ....model.options import Option, names_typed
 from ..maker import (
-    Decimal,
     J3Counting,
     KnownLog,
     Maker,
-    MarkerColumn,
     OffsetFile,
-    Option,
     PlanProgram,
     Reader,
     StillDeg,
     StillMm,
     StillSeconds,
-    names_of,
 )
+from .layouts import CsvLayout, PointLayout
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..recordings import Imported, ImportJob
-    from .csv_file import CsvLayout
 
 
 def _robot(run: "Run", calibration: "RobotCalibration") -> str:
@@ -101,167 +98,17 @@ def _csv_counting(plan: "Plan", motion: "ProgramMotion") -> str | None:
     return Pendant(plan.robot, motion.j3).sentence
 
 
-def _read_csv(
-    job: "ImportJob",
-    units: Annotated[Literal["deg", "rad", "pulse"], Option("Unit of the angles.")],
-    target_column: Annotated[str | None, Option("Column with each row's target, instead.")] = None,
-    lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None,
-    header_row: Annotated[bool, Option("The first row names the columns.")] = False,
-    columns: Annotated[
-        str | None,
-        Option(
-            "Columns of joint 1, 2, …: a,b,c by name (with --header-row) or number, from 1; or A1=j1,A2=j2,…"
-            " in any order."
-        ),
-    ] = None,
-    delimiter: Annotated[str | None, Option("Delimiter between two values; found if not stated.")] = None,
-    decimal: Decimal = ".",
-    j3: J3Counting = None,
-    spot_columns: Annotated[str | None, Option("Columns of spot_mm: dx,dy in mm.")] = None,
-    shot_column: Annotated[str | None, Option("Column of the measurement numbers.")] = None,
-    time_column: Annotated[str | None, Option("Column of times.")] = None,
-    time_units: Annotated[Literal["s", "ms", "us", "ns"] | None, Option("Unit of the times.")] = None,
-    still_deg: Annotated[
-        float | None, Option("A measurement is where the arm dwells: each joint within so many degrees, …")
-    ] = None,
-    still_s: Annotated[float | None, Option("… for at least so many seconds.")] = None,
-    still_mm: StillMm = None,
-    marker_column: MarkerColumn = None,
-    small_angles: Annotated[
-        bool, Option("The angles are in degrees, although all are as small as radians would be.")
-    ] = False,
-    reversed_joints: Annotated[
-        str | None, Option("Joints recorded with the other sign: j2,j5,… or names.", flag="--reversed")
-    ] = None,
-) -> "Imported":
+def _read_csv(job: "ImportJob", layout: CsvLayout) -> "Imported":
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
-    from .csv_file import CsvLayout, import_csv
-    from .dwells import Stillness
+    from .csv_file import import_csv
 
-    layout = CsvLayout(
-        units,
-        header_row,
-        names_of(columns),
-        delimiter,
-        lengths,
-        decimal,
-        target_column,
-        shot_column,
-        names_of(spot_columns),
-        time_column,
-        time_units,
-        marker_column,
-        j3,
-        small_angles=small_angles,
-        reversed_joints=names_of(reversed_joints) or (),
-    )
-    return import_csv(job, layout, still=Stillness.of_options(still_deg, still_s, still_mm))
+    return import_csv(job, layout)
 
 
-def _read_points(
-    job: "ImportJob",
-    joint_columns: Annotated[
-        str,
-        Option("Columns of joint 1, 2, …: a,b,c by name or number, from 1; or A1=j1,A2=j2,… in any order."),
-    ],
-    joint_units: Annotated[Literal["deg", "rad"], Option("Unit of the joints.")],
-    units: Annotated[
-        Literal["mm", "m", "inch"] | None, Option("Unit of the coordinates, unless the file says it.")
-    ] = None,
-    columns: Annotated[
-        str | None, Option("Columns of x,y,z, by name or number (default: by these names).")
-    ] = None,
-    instrument: Annotated[str | None, Option("Instrument of the header, if it states several.")] = None,
-    reflector: Annotated[
-        str | None,
-        Option("Reflector of all points, if there are several; or of each marker in a row: R1,R2,…"),
-    ] = None,
-    reflector_column: Annotated[str | None, Option("Column with each point's reflector, instead.")] = None,
-    joints: Annotated[
-        Path | None, Option("Table of the joints, if they are not in the same table as the points.")
-    ] = None,
-    match: Annotated[
-        Literal["number", "time"] | None, Option("What joins a point of FILE and a row of --joints.")
-    ] = None,
-    number_column: Annotated[
-        str | None, Option("Column of the points' numbers, or names that end with them.")
-    ] = None,
-    joints_number_column: Annotated[
-        str | None, Option("The same of --joints; without both: row by row.")
-    ] = None,
-    time_column: Annotated[str | None, Option("Column of the points' times.")] = None,
-    time_units: Annotated[
-        str | None, Option("Their unit: s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S.")
-    ] = None,
-    joints_time_column: Annotated[str | None, Option("Column of times of --joints.")] = None,
-    joints_time_units: Annotated[str | None, Option("Their unit, if it is another one.")] = None,
-    within_s: Annotated[float | None, Option("Largest time between a point and its joints, seconds.")] = None,
-    rotation_columns: Annotated[
-        str | None, Option("Of poses: columns of three angles, a,b,c, in the order of --euler.")
-    ] = None,
-    rotation_units: Annotated[Literal["deg", "rad"] | None, Option("Unit of these angles.")] = None,
-    euler: Annotated[
-        str | None,
-        Option(
-            "Axes in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; find:"
-            " the order that fits the nominal arm; vector: a rotation vector, as of UR."
-        ),
-    ] = None,
-    quaternion_columns: Annotated[str | None, Option("Of poses: columns w,x,y,z instead of angles.")] = None,
-    inverse: Annotated[
-        str | None,
-        Option(
-            "Of poses: the table has the inverse rotation, the inverse pose, or none. Default: looked at."
-        ),
-    ] = None,
-    uncertainty: Annotated[
-        Literal["1sigma", "95", "none"] | None,
-        Option("Level of the uncertainty columns; none: they are not used."),
-    ] = None,
-    uncertainty_columns: Annotated[
-        str | None, Option("Columns of the uncertainty of x,y,z (default: by names such as U-x).")
-    ] = None,
-    lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None,
-    delimiter: Annotated[str | None, Option("Delimiter of FILE; found if not stated.")] = None,
-    decimal: Decimal = ".",
-    j3: J3Counting = None,
-    small_angles: Annotated[
-        bool, Option("The joints are in degrees, although all are as small as radians would be.")
-    ] = False,
-) -> "Imported":
+def _read_points(job: "ImportJob", layout: PointLayout) -> "Imported":
     """Points or poses of a tracker or CMM, with the joints at each. What is not stated is never guessed."""
-    from .points import PointLayout, import_points
+    from .points import import_points
 
-    layout = PointLayout(
-        names_of(joint_columns) or (),
-        joint_units,
-        units,
-        names_of(columns),
-        instrument,
-        reflector,
-        reflector_column,
-        joints,
-        match,
-        number_column,
-        joints_number_column,
-        time_column,
-        time_units,
-        joints_time_column,
-        joints_time_units,
-        within_s,
-        names_of(rotation_columns),
-        rotation_units,
-        euler,
-        names_of(quaternion_columns),
-        inverse,
-        uncertainty,
-        names_of(uncertainty_columns),
-        lengths,
-        delimiter,
-        decimal,
-        j3,
-        small_angles,
-    )
     return import_points(job, layout)
 
 
@@ -271,7 +118,8 @@ def _read_ros(
     still_s: StillSeconds = None,
     still_mm: StillMm = None,
     columns: Annotated[
-        str | None, Option("Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).")
+        Sequence[str] | None,
+        Option("Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).", text=names_typed),
     ] = None,
     topic: Annotated[str | None, Option("Topic of the arm, if there are several.")] = None,
     marker_topic: Annotated[
@@ -292,9 +140,9 @@ def _read_ros(
                 "joint states in text have no times: each message is a measurement",
                 remedy="leave out --still-deg, --still-s, --still-mm, --topic and --marker-topic",
             )
-        return import_joint_states(job, columns=names_of(columns))
+        return import_joint_states(job, columns=columns)
     still = Stillness.required(still_deg, still_s, still_mm)
-    return import_ros(job, still=still, columns=names_of(columns), topic=topic, marker_topic=marker_topic)
+    return import_ros(job, still=still, columns=columns, topic=topic, marker_topic=marker_topic)
 
 
 def _read_robodk(job: "ImportJob", j3: J3Counting = None) -> "Imported":
@@ -304,12 +152,13 @@ def _read_robodk(job: "ImportJob", j3: J3Counting = None) -> "Imported":
     return import_program_log(job, source="RoboDK", j3=j3)
 
 
-def _monitor_joints(joints: int) -> "CsvLayout":
+def _monitor_joints(joints: int) -> CsvLayout:
     """RoboDK's macro MonitorJoints: joints in degrees, then seconds, no header, a row where they changed."""
-    from .csv_file import CsvLayout
 
     columns = tuple(str(i + 1) for i in range(joints))
-    return CsvLayout("deg", columns=columns, time_column=str(joints + 1), time_units="s", changes_only=True)
+    return CsvLayout(
+        "deg", delimiter=",", columns=columns, time_column=str(joints + 1), time_units="s", changes_only=True
+    )
 
 
 MAKER = Maker(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -18,87 +17,8 @@ from ....model.kinematics.robot import J3, Robot
 from ....model.parsing.reading import shown
 from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
 from .dwells import JointLog, Mark, Stillness, held
-from .tables import DELIMITERS, TextTable, check_signs, columns_of_joints, read_table, reversed_joints
-
-PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-TimeUnit = Literal["s", "ms", "us", "ns"]
-
-
-@dataclass(frozen=True)
-class CsvLayout:
-    """The layout of CSV files. Columns are stated by name (with a `header_row`) or number, from 1.
-
-    `columns` are those of joint 1, 2, … in this order, others are ignored; without it the files hold only
-    joints, in the pendant's order; each may be `column=joint`, in any order. `delimiter` None: it is found in
-    the file. `lengths` is the unit of prismatic joints, required if there are any. `spot_columns` are dx and
-    dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a measurement begins.
-    `changes_only`: rows only where the joints changed, each valid until the next. `small_angles`: degrees
-    that are all as small as radians are degrees all the same. `reversed_joints` (by the robot's names, j1,
-    j2, … or numbers) were recorded with the other sign.
-    """
-
-    units: Literal["deg", "rad", "pulse"]
-    header_row: bool = False
-    columns: Sequence[str] | None = None
-    delimiter: str | None = ","
-    lengths: Literal["mm", "m"] | None = None
-    decimal: str = "."
-    target_column: str | None = None
-    shot_column: str | None = None
-    spot_columns: Sequence[str] | None = None
-    time_column: str | None = None
-    time_units: TimeUnit | None = None
-    marker_column: str | None = None
-    j3: J3 | None = None
-    changes_only: bool = False
-    small_angles: bool = False
-    reversed_joints: Sequence[str] = ()
-
-    def check(self, robot: Robot) -> None:
-        """BadInput for a layout that no file can have."""
-        if self.units not in ("deg", "rad", "pulse"):
-            raise BadInput(
-                "the unit of the angles is not stated", found=shown(self.units), allowed="deg, rad, pulse"
-            )
-        slides = any(joint.kind == "prismatic" for joint in robot.joints)
-        if slides and self.units != "pulse" and self.lengths not in ("mm", "m"):
-            raise BadInput(
-                "the unit of the prismatic joints is not stated",
-                found=f"{robot.name} has prismatic joints",
-                allowed="mm, m",
-            )
-        check_signs(self.delimiter, self.decimal)
-        if self.time_column is not None and self.time_units is None:
-            raise BadInput("the unit of the times is not stated", allowed=", ".join(PER_SECOND))
-        if self.spot_columns is not None and len(self.spot_columns) != 2:
-            raise BadInput(
-                "a spot has two columns", found=", ".join(self.spot_columns), allowed="dx,dy in mm"
-            )
-        if self.columns is None:
-            return
-        if not self.header_row and not all(name.isdecimal() for name in self.columns):
-            raise BadInput(
-                "columns are given by name, but no header row is stated",
-                remedy="state the header row, if the files have one, or give numbers from 1",
-            )
-        if len(self.columns) != robot.n or len(set(self.columns)) != robot.n:
-            raise BadInput(
-                "one column is required for each joint",
-                found=", ".join(self.columns),
-                allowed=f"{robot.n} different ones ({robot.name} has {robot.n} joints)",
-            )
-
-    @property
-    def joints_alone(self) -> bool:
-        """Whether the files hold only joints, in their order."""
-        others = (
-            self.target_column,
-            self.shot_column,
-            self.spot_columns,
-            self.time_column,
-            self.marker_column,
-        )
-        return self.columns is None and all(other is None for other in others)
+from .layouts import PER_SECOND, CsvLayout
+from .tables import DELIMITERS, TextTable, columns_of_joints, read_table, reversed_joints
 
 
 def import_csv(
@@ -113,6 +33,7 @@ def import_csv(
     written. BadInput, with file and line, for what does not fit.
     """
     layout = replace(layout, columns=columns_of_joints(layout.columns, job.robot))
+    still = still or Stillness.of_options(layout.still_deg, layout.still_s, layout.still_mm)
     layout.check(job.robot)
     pendant = pendant_of(job.robot, layout.j3)
     if layout.target_column is None:

@@ -15,7 +15,8 @@ from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
 from ....words import spreadsheet
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, head_lines, rounded
+from ..options import ProgramMotion
+from ..plan_programs import head_lines, rounded
 
 
 def csv_table(plan: Plan, motion: ProgramMotion) -> str:

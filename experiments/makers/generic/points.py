@@ -9,7 +9,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
@@ -22,18 +21,17 @@ from ....model.files.limits import like_radians
 from ....model.instruments.pose import put_right
 from ....model.kinematics.orientation import orientation
 from ....model.kinematics.pendant import Pendant, pendant_of
-from ....model.kinematics.robot import J3
 from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
 from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
 from .euler import found_order, require_as_stated, rotations
-from .tables import DELIMITERS, TextTable, check_signs, columns_of_joints, found_delimiter, number, table_of
+from .layouts import PER_SECOND, PointLayout
+from .tables import DELIMITERS, TextTable, columns_of_joints, found_delimiter, number, table_of
 
 Unit = Literal["mm", "m", "inch"]
 Level = Literal["1sigma", "95", "none"]
 Match = Literal["number", "time"]
 MILLIMETRES: dict[str, float] = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 SIGMAS: dict[str, float] = {"1sigma": 1.0, "95": 1.959964}  # of a normal distribution, two-sided
-PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 _WORDS = {
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
@@ -48,139 +46,6 @@ _UNIT_OF_NAME = re.compile(r"[\[(_ ](mm|m|inch|in)[\])]?$", re.IGNORECASE)
 _UNCERTAINTY = re.compile(
     r"(?:^|[^a-z])(?:u|std|sd|sigma|unc[a-z]*)[-_ .]*([xyz])(?:[^a-z]|$)", re.IGNORECASE
 )
-
-
-@dataclass(frozen=True)
-class PointLayout:
-    """What is stated of a table of points and of the joints beside it. Columns are names, or numbers from 1.
-
-    `columns` are those of x, y and z, by default of these names; `units` may be in the file. The joints are
-    in the table of points itself, or in `joints`, by `match`: the same number or the nearest time, within
-    `within_s`. A time is in `time_units`: s, ms, us, ns, iso, or a pattern with % as strptime
-    takes it. `rotation_columns` are angles by `euler` (find: the order that fits; vector: a rotation vector),
-    `quaternion_columns` w, x, y, z. `inverse`: the `rotation` in the table is the inverse one, or the whole
-    `pose` is; None: it is looked at whether another reading of the poses fits. `uncertainty_columns` are of
-    x, y, z, at the level `uncertainty`.
-
-    Several markers in a row: `columns` are three for each, and `reflector` names them in that order.
-    """
-
-    joint_columns: Sequence[str]
-    joint_units: Literal["deg", "rad"]
-    units: Unit | None = None
-    columns: Sequence[str] | None = None
-    instrument: str | None = None
-    reflector: str | None = None
-    reflector_column: str | None = None
-    joints: Path | None = None
-    match: Match | None = None
-    number_column: str | None = None
-    joints_number_column: str | None = None
-    time_column: str | None = None
-    time_units: str | None = None
-    joints_time_column: str | None = None
-    joints_time_units: str | None = None
-    within_s: float | None = None
-    rotation_columns: Sequence[str] | None = None
-    rotation_units: Literal["deg", "rad"] | None = None
-    euler: str | None = None
-    quaternion_columns: Sequence[str] | None = None
-    inverse: str | None = None
-    uncertainty: Level | None = None
-    uncertainty_columns: Sequence[str] | None = None
-    lengths: Literal["mm", "m"] | None = None
-    delimiter: str | None = None
-    decimal: str = "."
-    j3: J3 | None = None
-    small_angles: bool = False
-
-    def check(self) -> None:
-        """BadInput for options that contradict each other, or of which one is missing."""
-        check_signs(self.delimiter, self.decimal)
-        if self.joints is not None and self.match is None:
-            raise BadInput(
-                "it is not stated how points and joints belong together",
-                found=f"--joints {self.joints}",
-                allowed="--match number or --match time",
-            )
-        if self.joints is None and self.match is not None:
-            raise BadInput(
-                "there is nothing to match the points with",
-                found=f"--match {self.match}",
-                remedy="state --joints TABLE, or leave out --match where the points have joints beside them",
-            )
-        if self.match == "time":
-            needed = {
-                "--time-column": self.time_column,
-                "--time-units": self.time_units,
-                "--joints-time-column": self.joints_time_column,
-                "--within-s": self.within_s,
-            }
-            if missing := [flag for flag, value in needed.items() if value is None]:
-                raise BadInput("--match time needs more", found=f"no {missing[0]}", allowed=", ".join(needed))
-            if not (self.within_s or 0) > 0:
-                raise BadInput("no time is within that", found=f"--within-s {self.within_s}", allowed="> 0")
-        if self.match == "number" and (self.number_column is None) != (self.joints_number_column is None):
-            raise BadInput(
-                "only one of the tables has numbers",
-                found="--number-column" if self.number_column else "--joints-number-column",
-                allowed="--number-column and --joints-number-column, or neither: then row by row",
-            )
-        if self.rotation_columns is not None and (self.euler is None or self.rotation_units is None):
-            raise BadInput(
-                "angles of an orientation without their order and unit",
-                found="--euler is missing" if self.euler is None else "--rotation-units is missing",
-                allowed="--euler XYZ-fixed, ZYX-moving, … or find; --rotation-units deg or rad",
-            )
-        if self.rotation_columns is not None and self.quaternion_columns is not None:
-            raise BadInput(
-                "an orientation is stated twice",
-                found="--rotation-columns and --quaternion-columns",
-                allowed="one of them",
-            )
-        poses = self.rotation_columns is not None or self.quaternion_columns is not None
-        if self.inverse not in (None, "none", "rotation", "pose"):
-            raise BadInput(
-                "no such inverse of poses",
-                found=f"--inverse {self.inverse}",
-                allowed="none, rotation or pose",
-            )
-        if self.inverse is not None and not poses:
-            raise BadInput(
-                "an inverse is stated, but no orientation",
-                found=f"--inverse {self.inverse}",
-                allowed="--inverse with --quaternion-columns or --rotation-columns",
-            )
-        if poses and len(self.markers) > 1:
-            raise BadInput(
-                "poses of several markers in a row are not read",
-                found=f"{len(self.columns or ())} columns",
-                allowed="three columns of one position",
-            )
-        for flag, names, count in (
-            ("--columns", self.columns, 3 * len(self.markers)),
-            ("--rotation-columns", self.rotation_columns, 3),
-            ("--quaternion-columns", self.quaternion_columns, 4),
-            ("--uncertainty-columns", self.uncertainty_columns, 3),
-        ):
-            if names is not None and (len(names) != count or len(set(names)) != count):
-                raise BadInput(
-                    f"{flag} has not {count} columns",
-                    found=", ".join(names),
-                    allowed=f"{count} different ones",
-                )
-        if self.reflector is not None and self.reflector_column is not None:
-            raise BadInput(
-                "reflectors are stated both by name and by a column", remedy="state one of the two"
-            )
-
-    @property
-    def markers(self) -> tuple[str, ...]:
-        """The reflectors of the positions in a row, in their order; "" of one without a name."""
-        names = [name.strip() for name in (self.reflector or "").split(",")]
-        if len(set(names)) != len(names):
-            raise BadInput("a reflector is named twice", found=self.reflector, argument="reflector")
-        return tuple(names)
 
 
 def import_points(job: ImportJob, layout: PointLayout) -> Imported:

@@ -8,7 +8,8 @@ commanded one, which is no measurement: such a log is marked as a rehearsal, and
 from __future__ import annotations
 
 from ....model.files.plan import Plan
-from ..plan_programs import LOG, LOG_PLAN, REHEARSAL, ProgramMotion, head_lines, short_hash, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import LOG, LOG_PLAN, REHEARSAL, head_lines, short_hash, steps_of
 
 
 def robodk_program(plan: Plan, motion: ProgramMotion, name: str) -> str:

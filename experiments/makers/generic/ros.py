@@ -11,7 +11,7 @@ import re
 from array import array
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import did_you_mean, read_text, require_regular, shown
+from ....model.records import it, record
 from ..recordings import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
 from .dwells import JointLog, Mark, Stillness
@@ -173,14 +174,15 @@ def import_ros(
     return job.finish(parts, notes)
 
 
-class Topic(NamedTuple):
+@record
+class Topic:
     """A topic of a bag, its number of messages, and the joints in the first of its joint states (empty for
     other messages)."""
 
     name: str
     type: str
     messages: int
-    joints: tuple[str, ...]
+    joints: Annotated[tuple[str, ...], it("in the first of its joint states")]
 
 
 def topics_of(path: Path) -> tuple[Topic, ...]:

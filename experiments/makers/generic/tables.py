@@ -195,26 +195,6 @@ def _finite(texts: list[str], decimal: str) -> Matrix | None:
     return values if np.isfinite(values).all() else None
 
 
-def check_signs(delimiter: str | None, decimal: str) -> None:
-    """BadInput for a delimiter (None: it is found) or a decimal sign that cannot be one."""
-    if decimal not in (".", ","):
-        raise BadInput("not a decimal sign", found=shown(decimal), allowed=". or ,")
-    if delimiter is None:
-        return
-    if len(delimiter) != 1 or delimiter in '."\r\n+-' or delimiter.isalnum():
-        raise BadInput(
-            "not a delimiter",
-            found=shown(delimiter),
-            allowed="one character: , ; or tab",
-        )
-    if delimiter == decimal:
-        raise BadInput(
-            "the decimal comma and the delimiter are the same",
-            found=shown(delimiter),
-            remedy="state the delimiter, such as ;",
-        )
-
-
 def read_table(
     path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
 ) -> TextTable:

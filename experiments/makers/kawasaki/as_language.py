@@ -17,7 +17,8 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..line_language import FOLLOW, SIX_WITH_BLANKS, LineLanguage, Statement, tokens
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 
 _LINES = LineLanguage(
     name="AS",

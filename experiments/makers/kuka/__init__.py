@@ -12,7 +12,6 @@ from ..maker import (
     PointNames,
     ProgramFiles,
     Reader,
-    names_of,
     require_vendor,
 )
 
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
@@ -65,7 +64,7 @@ def _read_krl(job: "ImportJob", points: PointNames = None) -> "Imported":
     """KUKA: axis positions (AXIS, E6AXIS) of a data list, taught or recorded by a plan's program."""
     from .krl_points import import_kuka
 
-    return import_kuka(job, points=names_of(points))
+    return import_kuka(job, points=points)
 
 
 def _krl() -> "Language":

@@ -13,17 +13,8 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ..plan_programs import (
-    LOG_PLAN,
-    PlanStep,
-    ProgramMotion,
-    decimal,
-    head_lines,
-    made_for,
-    percents,
-    short_hash,
-    steps_of,
-)
+from ..options import ProgramMotion
+from ..plan_programs import LOG_PLAN, PlanStep, decimal, head_lines, made_for, percents, short_hash, steps_of
 
 AXES = 6
 MEASURED, DONE = "ZB_M", "ZB_D"  # with the number of the posture: its recorded axes, whether they are

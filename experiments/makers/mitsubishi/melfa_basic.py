@@ -17,7 +17,8 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..line_language import SIX_WITH_COMMAS, LineLanguage
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 
 _DIGITS = 2  # of the values of a program that the controller saves
 _NAME = re.compile(r"[A-Za-z0-9]\w{0,15}")

@@ -15,7 +15,8 @@ from ....model.files.plan import Plan
 from ....model.parsing.reading import line_numbers
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 from ..recordings import TaughtPoint
 from ..taught_positions import named_by_remarks
 

@@ -13,7 +13,8 @@ import re
 from ....model.files.plan import Plan
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, head_lines, listed, made_for, percents, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import head_lines, listed, made_for, percents, steps_of
 from ..program_parts import NUMBER
 
 _TO_SPEED_MS = 500

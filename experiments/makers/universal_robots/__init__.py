@@ -4,13 +4,13 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from ....model.options import Option
 from ..maker import (
     Decimal,
     KnownLog,
     Maker,
     MarkerColumn,
     OffsetFile,
-    Option,
     PlanProgram,
     ProgramFiles,
     Reader,
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..generic.csv_file import CsvLayout
-    from ..plan_programs import ProgramMotion
+    from ..generic.layouts import CsvLayout
+    from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob
 
@@ -83,7 +83,7 @@ def _urscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapp
 
 def _rtde(joints: int) -> "CsvLayout":
     """`record.py` of the RTDE client: blanks between values, q in rad, time in s."""
-    from ..generic.csv_file import CsvLayout
+    from ..generic.layouts import CsvLayout
 
     columns = tuple(f"actual_q_{i}" for i in range(joints))
     return CsvLayout(

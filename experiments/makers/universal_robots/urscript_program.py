@@ -12,17 +12,8 @@ from collections.abc import Iterator
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..maker import one_line
-from ..plan_programs import (
-    LOG,
-    LOG_PLAN,
-    PlanStep,
-    ProgramMotion,
-    decimal,
-    head_lines,
-    made_for,
-    short_hash,
-    steps_of,
-)
+from ..options import ProgramMotion
+from ..plan_programs import LOG, LOG_PLAN, PlanStep, decimal, head_lines, made_for, short_hash, steps_of
 
 AXES = 6
 _ACCELERATION = 20.0  # deg/s2

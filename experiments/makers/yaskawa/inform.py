@@ -23,7 +23,8 @@ from ....model.files.plan import Plan
 from ....model.kinematics.pendant import Pendant
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, head_lines, made_for, percents, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import head_lines, made_for, percents, steps_of
 from ..program_parts import NUMBER
 from ..recordings import TaughtPoint
 from ..taught_positions import named_by_remarks

@@ -160,7 +160,7 @@ def test_the_table_is_read_by_the_importer_of_tables(tmp_path: Path) -> None:
         "noise: {joint_deg: 0.01, spot_mm: 0.05}\n"
     )
     columns = [f"joint{i}_deg" for i in range(1, 7)]
-    layout = CsvLayout("deg", True, columns, target_column="target", shot_column="posture")
+    layout = CsvLayout("deg", header_row=True, columns=columns, target_column="target", shot_column="posture")
     found = import_csv([file], [], layout, tmp_path / "header.yaml", tmp_path / "run.jsonl")
     assert [shot.joints_deg for shot in found.shots] == [
         step.joints for step in steps_of(plan, ProgramMotion())

@@ -16,7 +16,6 @@ from plan_requests import plan_request
 from zerobeam.analysis.observability.check import check
 from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.experiments.plans.obstacles import Obstacles
-from zerobeam.experiments.plans.patterns import Line
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import read_plan
 
@@ -67,8 +66,8 @@ def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
 
 def test_a_y_pattern_whose_line_is_stated(tmp_path: Path) -> None:
     """The best of docs/paper.md: a pass, where the usual one is weak."""
-    line = Line(distance=300.0, height=700.0, width=1600.0, roll=0.0)
-    answer = made(tmp_path / "plan.yaml", kind="y", target=(900.0, 100.0, 800.0), line=line)
+    line = {"distance_mm": 300.0, "height_mm": 700.0, "width_mm": 1600.0, "roll_deg": 0.0}
+    answer = made(tmp_path / "plan.yaml", kind="y", target=(900.0, 100.0, 800.0), **line)
     assert answer.checked is not None
     assert answer.checked.verdict == "pass"
     assert max(row.std or 9 for row in answer.checked.parameters if row.name in OFFSETS) < 0.06
@@ -168,7 +167,7 @@ def test_another_robot_and_its_path_as_seen_from_the_plan(tmp_path: Path) -> Non
     file = tmp_path / "plans" / "plan.yaml"
     answer = made(
         file, header=own, header_folder=tmp_path / "cell", target=(500.0, 300.0, 0.0), shots=8,
-        facing=None, obstacles=Obstacles(floor_mm=None),
+        facing=None, bodies=Obstacles(floor_mm=None),
     ).as_json()  # fmt: skip
     plan = read_plan(file)
     assert plan.robot.name == "gantry arm"

@@ -86,7 +86,7 @@ def test_decimal_commas(read, refused):
     assert "holds no numbers" in error.what
     error = refused(read, text.replace("10,5", "10.5"), ["a"], delimiter=";", decimal=",")
     assert error.allowed == "finite numbers with a decimal comma"
-    assert "are the same" in refused(read, text, ["a"], decimal=",").what
+    assert "are the same" in refused(read, text, ["a"], delimiter=",", decimal=",").what
     assert "decimal sign" in refused(read, text, ["a"], decimal="'").what
 
 

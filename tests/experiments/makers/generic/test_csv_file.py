@@ -72,7 +72,7 @@ def test_radians_are_turned_into_degrees_and_the_wrong_unit_is_asked_about(tmp_p
 
 def test_what_was_understood_is_told(tmp_path, read):
     files = [csv(tmp_path, "a.csv", ROWS), csv(tmp_path, "b.csv", ROWS[:2])]
-    told = read(files, ["one", "two"], CsvLayout("deg")).understood
+    told = read(files, ["one", "two"], CsvLayout("deg", delimiter=",")).understood
     assert told[0] == "2 files, 5 measurements, robot irb1600 (6 joints)"
     assert told[1].endswith("a.csv: 3 measurements of target 'one', numbered 0 to 2")
     assert told[2].endswith("b.csv: 2 measurements of target 'two', numbered 3 to 4")
@@ -137,7 +137,7 @@ def test_rows_that_cannot_be_used(tmp_path, read, refused, content, what, line):
     good = csv(tmp_path, "good.csv", ROWS)
     bad = tmp_path / "bad.csv"
     bad.write_text(content)
-    error = refused(read, [good, bad], ["one", "two"], CsvLayout("deg"))
+    error = refused(read, [good, bad], ["one", "two"], CsvLayout("deg", delimiter=","))
     assert any(part in error.what for part in what.split("|")), error
     assert error.line == line
     assert error.file == str(bad)
@@ -147,7 +147,7 @@ def test_another_delimiter(tmp_path, read, refused):
     file = csv(tmp_path, "a.csv", ROWS, delimiter=";")
     found = read([file], ["one"], CsvLayout("deg", delimiter=";"))
     np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], ROWS)
-    assert "delimiter" in refused(read, [file], ["one"], CsvLayout("deg")).remedy
+    assert "delimiter" in refused(read, [file], ["one"], CsvLayout("deg", delimiter=",")).remedy
     assert "not a delimiter" in refused(read, [file], ["one"], CsvLayout("deg", delimiter=";;")).what
 
 

@@ -1,0 +1,295 @@
+"""What is stated of tables: of joint positions, and of points with the joints at them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from ....model.errors import BadInput
+from ....model.options import Option, names_typed
+from ..maker import Decimal, J3Counting, MarkerColumn, StillMm
+
+if TYPE_CHECKING:
+    from ....model.kinematics.robot import Robot
+
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+def _names(help: str, flag: str | None = None) -> Option:
+    """Names of columns or joints, separated by commas."""
+    return Option(help, flag, text=names_typed)
+
+
+def check_signs(delimiter: str | None, decimal: str) -> None:
+    """BadInput for a delimiter (None: it is found) or a decimal sign that cannot be one."""
+    from ....model.parsing.reading import shown
+
+    if decimal not in (".", ","):
+        raise BadInput("not a decimal sign", found=shown(decimal), allowed=". or ,")
+    if delimiter is None:
+        return
+    if len(delimiter) != 1 or delimiter in '."\r\n+-' or delimiter.isalnum():
+        raise BadInput("not a delimiter", found=shown(delimiter), allowed="one character: , ; or tab")
+    if delimiter == decimal:
+        raise BadInput(
+            "the decimal comma and the delimiter are the same",
+            found=shown(delimiter),
+            remedy="state the delimiter, such as ;",
+        )
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """The layout of CSV files. Columns are stated by name (with a `header_row`) or number, from 1.
+
+    Without `columns` the files hold only joints, in the pendant's order. `lengths` is required if there are
+    prismatic joints. `changes_only`: rows only where the joints changed, each valid until the next.
+    """
+
+    units: Annotated[Literal["deg", "rad", "pulse"], Option("Unit of the angles.")]
+    target_column: Annotated[str | None, Option("Column with each row's target, instead.")] = None
+    lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None
+    header_row: Annotated[bool, Option("The first row names the columns.")] = False
+    columns: Annotated[
+        Sequence[str] | None,
+        _names(
+            "Columns of joint 1, 2, …: a,b,c by name (with --header-row) or number, from 1; or A1=j1,A2=j2,…"
+            " in any order."
+        ),
+    ] = None
+    delimiter: Annotated[str | None, Option("Delimiter between two values; found if not stated.")] = None
+    decimal: Decimal = "."
+    j3: J3Counting = None
+    spot_columns: Annotated[Sequence[str] | None, _names("Columns of spot_mm: dx,dy in mm.")] = None
+    shot_column: Annotated[str | None, Option("Column of the measurement numbers.")] = None
+    time_column: Annotated[str | None, Option("Column of times.")] = None
+    time_units: Annotated[Literal["s", "ms", "us", "ns"] | None, Option("Unit of the times.")] = None
+    still_deg: Annotated[
+        float | None, Option("A measurement is where the arm dwells: each joint within so many degrees, …")
+    ] = None
+    still_s: Annotated[float | None, Option("… for at least so many seconds.")] = None
+    still_mm: StillMm = None
+    marker_column: MarkerColumn = None
+    small_angles: Annotated[
+        bool, Option("The angles are in degrees, although all are as small as radians would be.")
+    ] = False
+    reversed_joints: Annotated[
+        Sequence[str], _names("Joints recorded with the other sign: j2,j5,… or names.", "--reversed")
+    ] = ()
+    changes_only: bool = False
+
+    def check(self, robot: "Robot") -> None:
+        """BadInput for a layout that no file can have."""
+        from ....model.parsing.reading import shown
+
+        if self.units not in ("deg", "rad", "pulse"):
+            raise BadInput(
+                "the unit of the angles is not stated", found=shown(self.units), allowed="deg, rad, pulse"
+            )
+        slides = any(joint.kind == "prismatic" for joint in robot.joints)
+        if slides and self.units != "pulse" and self.lengths not in ("mm", "m"):
+            raise BadInput(
+                "the unit of the prismatic joints is not stated",
+                found=f"{robot.name} has prismatic joints",
+                allowed="mm, m",
+            )
+        check_signs(self.delimiter, self.decimal)
+        if self.time_column is not None and self.time_units is None:
+            raise BadInput("the unit of the times is not stated", allowed=", ".join(PER_SECOND))
+        if self.spot_columns is not None and len(self.spot_columns) != 2:
+            raise BadInput(
+                "a spot has two columns", found=", ".join(self.spot_columns), allowed="dx,dy in mm"
+            )
+        if self.columns is None:
+            return
+        if not self.header_row and not all(name.isdecimal() for name in self.columns):
+            raise BadInput(
+                "columns are given by name, but no header row is stated",
+                remedy="state the header row, if the files have one, or give numbers from 1",
+            )
+        if len(self.columns) != robot.n or len(set(self.columns)) != robot.n:
+            raise BadInput(
+                "one column is required for each joint",
+                found=", ".join(self.columns),
+                allowed=f"{robot.n} different ones ({robot.name} has {robot.n} joints)",
+            )
+
+    @property
+    def joints_alone(self) -> bool:
+        """Whether the files hold only joints, in their order."""
+        others = (
+            self.target_column,
+            self.shot_column,
+            self.spot_columns,
+            self.time_column,
+            self.marker_column,
+        )
+        return self.columns is None and all(other is None for other in others)
+
+
+@dataclass(frozen=True)
+class PointLayout:
+    """What is stated of a table of points and of the joints beside it. Columns are names, or numbers from 1.
+
+    Several markers in a row: `columns` are three for each, and `reflector` names them in that order.
+    `inverse` None: it is looked at whether another reading of the poses fits.
+    """
+
+    joint_columns: Annotated[
+        Sequence[str],
+        _names("Columns of joint 1, 2, …: a,b,c by name or number, from 1; or A1=j1,A2=j2,… in any order."),
+    ]
+    joint_units: Annotated[Literal["deg", "rad"], Option("Unit of the joints.")]
+    units: Annotated[
+        Literal["mm", "m", "inch"] | None, Option("Unit of the coordinates, unless the file says it.")
+    ] = None
+    columns: Annotated[
+        Sequence[str] | None, _names("Columns of x,y,z, by name or number (default: by these names).")
+    ] = None
+    instrument: Annotated[str | None, Option("Instrument of the header, if it states several.")] = None
+    reflector: Annotated[
+        str | None,
+        Option("Reflector of all points, if there are several; or of each marker in a row: R1,R2,…"),
+    ] = None
+    reflector_column: Annotated[str | None, Option("Column with each point's reflector, instead.")] = None
+    joints: Annotated[
+        Path | None, Option("Table of the joints, if they are not in the same table as the points.")
+    ] = None
+    match: Annotated[
+        Literal["number", "time"] | None, Option("What joins a point of FILE and a row of --joints.")
+    ] = None
+    number_column: Annotated[
+        str | None, Option("Column of the points' numbers, or names that end with them.")
+    ] = None
+    joints_number_column: Annotated[str | None, Option("The same of --joints; without both: row by row.")] = (
+        None
+    )
+    time_column: Annotated[str | None, Option("Column of the points' times.")] = None
+    time_units: Annotated[
+        str | None, Option("Their unit: s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S.")
+    ] = None
+    joints_time_column: Annotated[str | None, Option("Column of times of --joints.")] = None
+    joints_time_units: Annotated[str | None, Option("Their unit, if it is another one.")] = None
+    within_s: Annotated[float | None, Option("Largest time between a point and its joints, seconds.")] = None
+    rotation_columns: Annotated[
+        Sequence[str] | None, _names("Of poses: columns of three angles, a,b,c, in the order of --euler.")
+    ] = None
+    rotation_units: Annotated[Literal["deg", "rad"] | None, Option("Unit of these angles.")] = None
+    euler: Annotated[
+        str | None,
+        Option(
+            "Axes in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; find:"
+            " the order that fits the nominal arm; vector: a rotation vector, as of UR."
+        ),
+    ] = None
+    quaternion_columns: Annotated[
+        Sequence[str] | None, _names("Of poses: columns w,x,y,z instead of angles.")
+    ] = None
+    inverse: Annotated[
+        str | None,
+        Option(
+            "Of poses: the table has the inverse rotation, the inverse pose, or none. Default: looked at."
+        ),
+    ] = None
+    uncertainty: Annotated[
+        Literal["1sigma", "95", "none"] | None,
+        Option("Level of the uncertainty columns; none: they are not used."),
+    ] = None
+    uncertainty_columns: Annotated[
+        Sequence[str] | None, _names("Columns of the uncertainty of x,y,z (default: by names such as U-x).")
+    ] = None
+    lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None
+    delimiter: Annotated[str | None, Option("Delimiter of FILE; found if not stated.")] = None
+    decimal: Decimal = "."
+    j3: J3Counting = None
+    small_angles: Annotated[
+        bool, Option("The joints are in degrees, although all are as small as radians would be.")
+    ] = False
+
+    def check(self) -> None:
+        """BadInput for options that contradict each other, or of which one is missing."""
+        check_signs(self.delimiter, self.decimal)
+        if self.joints is not None and self.match is None:
+            raise BadInput(
+                "it is not stated how points and joints belong together",
+                found=f"--joints {self.joints}",
+                allowed="--match number or --match time",
+            )
+        if self.joints is None and self.match is not None:
+            raise BadInput(
+                "there is nothing to match the points with",
+                found=f"--match {self.match}",
+                remedy="state --joints TABLE, or leave out --match where the points have joints beside them",
+            )
+        if self.match == "time":
+            needed = {
+                "--time-column": self.time_column,
+                "--time-units": self.time_units,
+                "--joints-time-column": self.joints_time_column,
+                "--within-s": self.within_s,
+            }
+            if missing := [flag for flag, value in needed.items() if value is None]:
+                raise BadInput("--match time needs more", found=f"no {missing[0]}", allowed=", ".join(needed))
+            if not (self.within_s or 0) > 0:
+                raise BadInput("no time is within that", found=f"--within-s {self.within_s}", allowed="> 0")
+        if self.match == "number" and (self.number_column is None) != (self.joints_number_column is None):
+            raise BadInput(
+                "only one of the tables has numbers",
+                found="--number-column" if self.number_column else "--joints-number-column",
+                allowed="--number-column and --joints-number-column, or neither: then row by row",
+            )
+        if self.rotation_columns is not None and (self.euler is None or self.rotation_units is None):
+            raise BadInput(
+                "angles of an orientation without their order and unit",
+                found="--euler is missing" if self.euler is None else "--rotation-units is missing",
+                allowed="--euler XYZ-fixed, ZYX-moving, … or find; --rotation-units deg or rad",
+            )
+        if self.rotation_columns is not None and self.quaternion_columns is not None:
+            raise BadInput(
+                "an orientation is stated twice",
+                found="--rotation-columns and --quaternion-columns",
+                allowed="one of them",
+            )
+        poses = self.rotation_columns is not None or self.quaternion_columns is not None
+        if self.inverse not in (None, "none", "rotation", "pose"):
+            raise BadInput(
+                "no such inverse of poses",
+                found=f"--inverse {self.inverse}",
+                allowed="none, rotation or pose",
+            )
+        if self.inverse is not None and not poses:
+            raise BadInput(
+                "an inverse is stated, but no orientation",
+                found=f"--inverse {self.inverse}",
+                allowed="--inverse with --quaternion-columns or --rotation-columns",
+            )
+        if poses and len(self.markers) > 1:
+            raise BadInput(
+                "poses of several markers in a row are not read",
+                found=f"{len(self.columns or ())} columns",
+                allowed="three columns of one position",
+            )
+        for flag, names, count in (
+            ("--columns", self.columns, 3 * len(self.markers)),
+            ("--rotation-columns", self.rotation_columns, 3),
+            ("--quaternion-columns", self.quaternion_columns, 4),
+            ("--uncertainty-columns", self.uncertainty_columns, 3),
+        ):
+            if names is not None and (len(names) != count or len(set(names)) != count):
+                raise BadInput(
+                    f"{flag} has not {count} columns",
+                    found=", ".join(names),
+                    allowed=f"{count} different ones",
+                )
+        if self.reflector is not None and self.reflector_column is not None:
+            raise BadInput(
+                "reflectors are stated both by name and by a column", remedy="state one of the two"
+            )
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """The reflectors of the positions in a row, in their order; "" of one without a name."""
+        names = [name.strip() for name in (self.reflector or "").split(",")]
+        if len(set(names)) != len(names):
+            raise BadInput("a reflector is named twice", found=self.reflector, argument="reflector")
+        return tuple(names)

@@ -1,0 +1,66 @@
+"""What is stated to commands that need few words."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from ..model.options import Option, Seed, argument
+
+Url = Annotated[
+    str | None,
+    Option(
+        "SQLite file, or postgresql://user@host/database. Default: history.sqlite in your data folder.",
+        "--db",
+        metavar="URL",
+        names="write",
+        variable="ZEROBEAM_HISTORY",
+    ),
+]
+SerialOrAll = Annotated[str | None, argument("Serial number of one arm (all).", metavar="[SERIAL]")]
+Model = Annotated[str | None, Option("Model of the arm, where several have this serial number.")]
+ToleranceMm = Annotated[float, Option("TCP error that is tolerated, mm.", least=1e-6, most=1e6)]
+
+
+@dataclass(frozen=True)
+class CompareOptions:
+    """How repeated runs are compared."""
+
+    seed: Seed = 0
+
+
+@dataclass(frozen=True)
+class VerifyOptions:
+    """How a corrected robot is judged."""
+
+    tolerance: Annotated[
+        float | None,
+        Option("The error of an offset that must be noticed (deg; mm). Default: the header's tolerance."),
+    ] = None
+
+
+@dataclass(frozen=True)
+class AddOptions:
+    """Which history results are added to, and what is said of runs that do not say it."""
+
+    db: Url = None
+    serial: Annotated[str | None, Option("Serial number of the arm, where a run states none.", app=False)] = (
+        None
+    )
+    when: Annotated[str | None, Option("Date of the measurements, where a run states none.", app=False)] = (
+        None
+    )
+    replace: Annotated[bool, Option("Replace another result of the same run.")] = False
+    seed: Seed = 0
+
+
+@dataclass(frozen=True)
+class HistoryPageOptions:
+    """Of which arms of a history a page is written, and for which day."""
+
+    serial: SerialOrAll = None
+    tolerance_mm: ToleranceMm = 0.5
+    as_of: Annotated[
+        str | None,
+        Option("Day for which it is said what is overdue (default: of the last result in the history)."),
+    ] = None
+    model: Model = None
+    db: Url = None

@@ -1,0 +1,110 @@
+"""How a plan is carried out, as it is stated to `run`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from ..model.errors import BadInput
+from ..model.options import Option, Seed
+
+RIGS = ("simulated", "replay", "abb", "manual")
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What carries a plan out, and how; `rig` is one of the RIGS, or the address of a controller."""
+
+    rig: Annotated[
+        str,
+        Option(
+            "What carries the plan out: simulated, replay, abb, manual; or a controller whose joints are"
+            " read while its own program or a person moves the arm: SCHEME://HOST[:PORT] (ur, kuka, fanuc,"
+            " yaskawa, ros).",
+            metavar="RIG",
+        ),
+    ] = "simulated"
+    cell: Annotated[Path | None, Option("Cell file (.yaml) of the simulated rig.")] = None
+    camera: Annotated[
+        bool, Option("Find the PSD in pictures, or by the beam alone.", "--camera/--no-camera")
+    ] = True
+    arm: Annotated[
+        Path | None,
+        Option("Simulated: the arm of this simulated run, with its offsets entered.", metavar="RUN"),
+    ] = None
+    as_found: Annotated[
+        bool, Option("With --arm: without its offsets entered; with the seed of RUN the targets stay too.")
+    ] = False
+    recording: Annotated[
+        Path | None, Option("Run file that a replay gives back.", "--recorded", app=False)
+    ] = None
+    resume: Annotated[bool, Option("Go on with a run that was stopped.")] = False
+    adaptive: Annotated[
+        bool, Option("Choose the next posture by the measurements so far; end when the tolerance is reached.")
+    ] = False
+    tolerance: Annotated[
+        float | None,
+        Option("With --adaptive: the standard uncertainty that is enough (deg; mm). Default: the plan's."),
+    ] = None
+    host: Annotated[str | None, Option("ABB: address of the controller.")] = None
+    port: Annotated[int, Option("ABB: port of Robot Web Services.", least=1, most=65535)] = 80
+    egm_port: Annotated[int, Option("ABB: own UDP port for EGM.", least=1, most=65535)] = 6510
+    sensor_port: Annotated[int, Option("ABB: port of PSD and camera at the host.", least=1, most=65535)] = (
+        6520
+    )
+    sensors: Annotated[
+        Path | None,
+        Option(
+            "Sensors file. ABB: else those of the simulated controller. By hand or live: an instrument"
+            " that sends lines. Live with a laser: the PSD, which confirms a posture by a centred beam."
+        ),
+    ] = None
+    user: Annotated[str | None, Option("ABB: user, else ZEROBEAM_ABB_USER.")] = None
+    password: Annotated[
+        str | None, Option("ABB: password, else ZEROBEAM_ABB_PASSWORD or the keyring.", app=False)
+    ] = None
+    speed: Annotated[float, Option("ABB: share of the joints' top speeds.")] = 0.25
+    laser: Annotated[str, Option("ABB: digital output of the laser, NETWORK/UNIT/NAME.")] = (
+        "Local/DRV_1/zb_laser"
+    )
+    yes: Annotated[bool, Option("ABB: move without asking first.", app=False)] = False
+    watch: Annotated[
+        Path | None, Option("Manual: take the joint values from this file as it grows.", app=False)
+    ] = None
+    units: Annotated[
+        Literal["deg", "rad", "pulse"] | None,
+        Option("Manual: unit of the joint values, if neither they nor the robot file state it (deg)."),
+    ] = None
+    j3: Annotated[
+        Literal["ground", "link"] | None,
+        Option("Manual: what joint 3 is counted from, if not as the robot file states."),
+    ] = None
+    closing: Annotated[bool, Option("Measure the first posture again at the end: has the PSD moved?")] = False
+    force: Annotated[
+        bool,
+        Option(
+            "Replace a simulated run of that name by this one; measurements are never replaced.",
+            "--force --overwrite",
+            app=False,
+        ),
+    ] = False
+    seed: Seed = 0
+
+    @property
+    def kind(self) -> Literal["simulated", "replay", "abb", "manual", "live"]:
+        """The rig without its address."""
+        return "live" if "://" in self.rig else self.rig  # type: ignore[return-value]
+
+    def require_consistent(self) -> None:
+        """BadInput for options that contradict each other, or are for another rig."""
+        if self.tolerance is not None and not self.adaptive:
+            raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
+        if self.sensors is not None and self.kind not in ("live", "abb", "manual"):
+            raise BadInput(
+                "--sensors is for real sensors", remedy="add --rig abb, manual or a controller's address"
+            )
+        if self.as_found and self.arm is None:
+            raise BadInput("--as-found is for the arm of a run", remedy="add --arm RUN, or leave it out")
+        if self.watch is not None and self.rig != "manual":
+            raise BadInput("--watch is for the manual rig", remedy="add --rig manual, or leave it out")
+        if self.force and self.resume:
+            raise BadInput("--force and --resume contradict each other", remedy="state one of the two")
