@@ -47,7 +47,7 @@ from .causes import (
     Unexplained,
     WithinTolerances,
 )
-from .gauges import PART, ROUNDING, Gauge, complement, gauge_at, gauge_of, information_root, information_roots
+from .gauges import PART, ROUNDING, Gauge, complement, gauge_at, gauge_of, information_roots
 from .marginal import Marginal
 
 _NEARLY_CONSTANT_DEG = 10.0

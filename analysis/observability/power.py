@@ -90,7 +90,9 @@ class DetectionPower:
     size: Annotated[float, it("of the wrong thing")]
     unit: Annotated[str, it("of `size`")]
     probability: Annotated[float, it("that a run detects it")]
-    off_u: Annotated[float, it("the largest error of an offset that the data determine by it, in the offset's u; what is `assumed` does not count")]
+    off_u: Annotated[
+        float, it("the largest error by it of an offset that is not merely `assumed`, in the offset's u")
+    ]
     joint: Annotated[int | None, it("from 1, else null")] = None
     risk: Annotated[
         float,
