@@ -60,20 +60,8 @@ _PowerBy = Callable[[Matrix], Matrix]  # by the size over that of the row (k,)
 
 @record
 class DetectionPower:
-    """A run notices a `wrong` model of this `size` (mm, deg, or 1: times the stated) with a `probability`.
-
-    "tool": a point of the tool is off; "beam": its direction is; "arm": what has a tolerance of the geometry
-    is so many times that large; "jump": the zero of `joint` (from 1) jumps halfway; "drift": it drifts so far
-    from the first measurement to the last; "moved": a target is moved halfway through its measurements, or
-    drifts from the first to the last; "reading": one measurement is off; "backlash": every joint
-    is off by that, one way or the other; "noise": the readings scatter so many times as much. Of joints,
-    targets and directions that of the largest risk is stated.
-
-    `off_u` is the error that it makes of an offset that the data determine, in its standard uncertainty, the
-    largest of all; not of one that is as good as what is assumed. `risk`
-    is the probability that a run passes with an offset that is wrong by more than 4 u, the largest over all
-    sizes, and `worst_size` that size.
-    """
+    """With which probability a run notices a wrong model of this size (mm, deg, or 1: times the stated). Of
+    joints, targets and directions that of the largest risk is stated."""
 
     wrong: Annotated[
         WrongModel,

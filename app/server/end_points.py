@@ -12,18 +12,18 @@ from pydantic import BaseModel, TypeAdapter
 from ...model.files.plan_file import PlanFile
 from .answers import (  # noqa: F401 - each enters its end points
     calibrations,
+    dragging,
     exports,
-    history,
     home,
     imports,
-    inverse,
     new_folders,
     plans,
     posteriors,
-    recordings,
     refits,
     results,
-    robots,
+    robot_library,
+    run_history,
+    unfinished_runs,
 )
 from .folder import FolderFile
 from .job_commands import AskedJob, AskedLine

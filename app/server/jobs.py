@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
-from ...analysis.answer.message import Action
+from ...analysis.answer.answer_message import Action
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
