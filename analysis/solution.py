@@ -274,7 +274,7 @@ class Solution:
         """Of the tests that the run has passed, against wrong models; none of a misfit."""
         if not self.converged or self.misfit is not None:
             return ()
-        return powers(self.problem, self.fit.x, self.identified.facts.rank)
+        return powers(self.problem, self.fit.x, self.identified)
 
     @cached_property
     def null_space(self) -> tuple[NullDirection, ...]:

@@ -187,7 +187,7 @@ def keys(cls: type) -> tuple[Key, ...]:
             answer += _inlined(one.name, hints[one.name], parts.names)
             continue
         about = next((mark for mark in marks if isinstance(mark, FieldInfo)), Field())
-        name = about.alias or one.name
+        name = about.serialization_alias or about.alias or one.name
         answer.append(
             Key(
                 name,

@@ -386,7 +386,7 @@ class Check:
             verdict=cast(Planned, "violated" if violations else observable),
             parameters=CheckedTable(rows),
             identifiability=facts,
-            power=powers(judged, at, identified.facts.rank),
+            power=powers(judged, at, identified),
             geometry=geometry,
             postures=tuple(
                 CheckedPosture(
