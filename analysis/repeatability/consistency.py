@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from ...model.arrays import NORMAL_95, Mask, Matrix
 from ...model.records import it, record
@@ -27,7 +27,7 @@ _EXACT = 1e-9  # a line that leaves less of the scatter than this share is one b
 
 def of_a_std(dof: int) -> Interval:
     """The ends of the 95 % interval of a std from `dof` degrees of freedom, over that std (chi-squared)."""
-    low, high = np.sqrt(dof / stats.chi2.ppf([(1 + LEVEL) / 2, (1 - LEVEL) / 2], dof))
+    low, high = np.sqrt(dof / (2 * special.gammaincinv(dof / 2, [(1 + LEVEL) / 2, (1 - LEVEL) / 2])))
     return float(low), float(high)
 
 
@@ -156,8 +156,8 @@ class RunSample:
     def p_value(self, chi2: float, dof: int) -> float:
         """The p-value of a sum of squares, if all runs scatter as predicted."""
         if self.noise_dof is None:
-            return float(stats.chi2.sf(chi2, dof))
-        return float(stats.f.sf(chi2 / dof, dof, self.noise_dof))
+            return float(special.chdtrc(dof, chi2))
+        return float(special.fdtrc(dof, self.noise_dof, chi2 / dof))
 
     @property
     def predicted_std(self) -> float:
@@ -168,7 +168,7 @@ class RunSample:
     @property
     def quantile(self) -> float:
         """Coverage factor of an interval by the prediction."""
-        return NORMAL_95 if self.noise_dof is None else float(stats.t.ppf((1 + LEVEL) / 2, self.noise_dof))
+        return NORMAL_95 if self.noise_dof is None else float(special.stdtrit(self.noise_dof, (1 + LEVEL) / 2))
 
 
 def consistency(sample: RunSample) -> Consistency | None:
@@ -177,9 +177,9 @@ def consistency(sample: RunSample) -> Consistency | None:
         return None
     common, tails, dof = sample.common, [(1 + LEVEL) / 2, (1 - LEVEL) / 2], sample.common.dof
     if sample.noise_dof is None:
-        expected = stats.chi2.ppf(tails, dof) / dof
+        expected = 2 * special.gammaincinv(dof / 2, tails) / dof
     else:
-        expected = stats.f.ppf(tails, dof, sample.noise_dof)
+        expected = special.fdtri(dof, sample.noise_dof, tails)
     square = common.chi2 / dof
     low, high = np.sqrt(square / expected)
     p_value, ratio = sample.p_value(common.chi2, dof), float(np.sqrt(square))
@@ -209,7 +209,7 @@ def mean_of(sample: RunSample, i: int, as_predicted: bool) -> Mean | None:
         mean, half = float(common.mean[k]), float(sample.quantile * np.sqrt(common.covariance[k, k]))
         return Mean(mean, (mean - half, mean + half), "prediction")
     mean, count = float(values.mean()), len(values)
-    half = float(stats.t.ppf((1 + LEVEL) / 2, count - 1) * values.std(ddof=1) / np.sqrt(count))
+    half = float(special.stdtrit(count - 1, (1 + LEVEL) / 2) * values.std(ddof=1) / np.sqrt(count))
     # What the arm's deviations add to all runs alike is not in their scatter.
     shared = float(np.linalg.norm(of_offset.by_geometry[:, 0].mean(axis=0)))
     half = float(np.hypot(half, NORMAL_95 * shared))
@@ -235,8 +235,8 @@ def drift(sample: RunSample) -> RunDrift | None:
     if rest <= _EXACT**2 * float(weight @ values**2):
         return None
     std = float(np.sqrt(rest / dof / spread))
-    half = float(stats.t.ppf((1 + LEVEL) / 2, dof)) * std
-    p_value = float(2 * stats.t.sf(abs(slope) / std, dof))
+    half = float(special.stdtrit(dof, (1 + LEVEL) / 2)) * std
+    p_value = float(2 * special.stdtr(dof, -abs(slope) / std))
     return RunDrift(slope, (slope - half, slope + half), dof, p_value, p_value)
 
 
@@ -261,7 +261,7 @@ def against_others(sample: RunSample, run: int) -> AgainstOthers | None:
         elif len(others.values) >= 2 and (std := float(others.values.std(ddof=1))) > 0:
             off = float(of_offset.values[row, 0] - others.values.mean())
             t = abs(off) / (std * np.sqrt(1 + 1 / len(others.values)))
-            p_values.append(float(2 * stats.t.sf(t, len(others.values) - 1)))
+            p_values.append(float(2 * special.stdtr(len(others.values) - 1, -t)))
     if not p_values:
         return None
     p_value = min(1.0, len(p_values) * min(p_values))
