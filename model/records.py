@@ -198,13 +198,13 @@ def keys(cls: type) -> tuple[Key, ...]:
                 marks,
             )
         )
-    for name in dir(cls):
-        attribute = getattr(cls, name, None)
-        getter = getattr(attribute, "fget", None) or getattr(attribute, "func", None)
+    defined = {name: one for base in reversed(cls.__mro__) for name, one in vars(base).items()}
+    for attribute, one in defined.items():
+        getter = getattr(one, "fget", None) or getattr(one, "func", None)
         if (marked := getattr(getter, "key_of_document", None)) is not None:
             returns = get_type_hints(getter, include_extras=True)["return"]
             marks = getattr(returns, "__metadata__", ())
-            answer.append(Key(marked[0], name, marked[1], False, returns, marks))
+            answer.append(Key(marked[0], attribute, marked[1], False, returns, marks))
     return tuple(answer)
 
 
@@ -278,8 +278,8 @@ def _present(value: Any, kind: type) -> Iterator[Key]:
 
 
 def _shown(value: object, kind: type, one: Key, words: Words) -> object:
-    shown = value
-    for name in one.attribute.split("."):
+    shown: Any = value
+    for name in one.attribute.split(".") if "." in one.attribute else (one.attribute,):
         shown = None if shown is None else getattr(shown, name)
     if or_null in one.marks:
         return shown or None

@@ -168,7 +168,9 @@ class RunSample:
     @property
     def quantile(self) -> float:
         """Coverage factor of an interval by the prediction."""
-        return NORMAL_95 if self.noise_dof is None else float(special.stdtrit(self.noise_dof, (1 + LEVEL) / 2))
+        return (
+            NORMAL_95 if self.noise_dof is None else float(special.stdtrit(self.noise_dof, (1 + LEVEL) / 2))
+        )
 
 
 def consistency(sample: RunSample) -> Consistency | None:

@@ -67,7 +67,7 @@ def test_the_keys_are_those_of_the_design() -> None:
     ]
     assert list(answer["geometry"]) == [
         *("factors", "ladder", "consider", "at_half", "at_twice", "confounded"),
-        *("considered_tolerance", "tolerance"),
+        *("tolerance", "considered_tolerance"),
     ]
     assert list(answer["fits"]) == ["likelihood", "midpoint"]
     assert {"converged", "iterations", "cost", "rms_mm", "chi2", "dof", "p_value"} <= set(
