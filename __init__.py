@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from .face.compared import ComparedRuns, compare
     from .face.pictures import Figure, SceneView
     from .face.planned import CheckedPlan, OptimalPlan, check, optimal_plan
-    from .face.profiles import Contour, Profile
+    from .face.shown_profiles import Contour, Profile
     from .face.simulated import simulate
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
-    from .model.files.arguments import Laser, Noise, Probe
+    from .model.files.from_arrays import Laser, Noise, Probe
     from .model.files.plan import Plan, read_plan
     from .model.files.robot_file import load_robot
     from .model.files.run import Run, read_run
@@ -70,17 +70,17 @@ _HOME = {
     "Check": "analysis.observability.check",
     "CheckedPlan": "face.planned",
     "ComparedRuns": "face.compared",
-    "Contour": "face.profiles",
+    "Contour": "face.shown_profiles",
     "Covariance": "analysis.covariance",
     "Draws": "analysis.posterior.posterior",
     "Figure": "face.pictures",
     "FitFailed": "model.errors",
-    "Laser": "model.files.arguments",
-    "Noise": "model.files.arguments",
+    "Laser": "model.files.from_arrays",
+    "Noise": "model.files.from_arrays",
     "OptimalPlan": "face.planned",
     "Plan": "model.files.plan",
-    "Probe": "model.files.arguments",
-    "Profile": "face.profiles",
+    "Probe": "model.files.from_arrays",
+    "Profile": "face.shown_profiles",
     "Result": "analysis.answer.result",
     "RigFault": "model.errors",
     "Robot": "model.kinematics.robot",

@@ -27,12 +27,12 @@ from .answer.result import (
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import Explanation, diagnose
-from .diagnostics.enter import entered
 from .diagnostics.hold_out import HoldOut, hold_out, placement_result
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
-from .diagnostics.scene import scene
+from .diagnostics.scene_data import scene
+from .diagnostics.values_to_enter import entered
 from .estimation.effective_dof import as_small
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint

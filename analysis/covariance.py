@@ -257,11 +257,7 @@ class Covariance(ByValue):
 @record
 class OffsetsWithoutPrior:
     """What the measurements say of the m offsets that they determine, without any prior: what another run of
-    the same arm can be held against.
-
-    `covariance` (m, m) is by the noise alone, in the products of the units; `by_geometry` (m, g) is what each
-    freed parameter of the geometry adds if it is one tolerance off: the same in every run of the arm. `dof`
-    are those that the noise is estimated from, None where it is known.
+    the same arm can be held against. `by_geometry` (m, g) is the same in every run of the arm.
 
     Raises UnsoundResult where an offset is of a status that allows no number.
     """

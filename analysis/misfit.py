@@ -39,7 +39,7 @@ from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .left_over import LeftOver
 from .observability.changes import RunChange, run_change, run_change_with_links
-from .observability.geometry import TYPICAL_DEG, TYPICAL_MM, link_columns
+from .observability.geometry_result import TYPICAL_DEG, TYPICAL_MM, link_columns
 from .observability.identifiability import Identified
 from .placements import placements
 from .recordings.resting import resting_columns

@@ -37,7 +37,13 @@ from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
-from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
+from .observability.geometry_result import (
+    GeometryResult,
+    Rung,
+    geometry_result,
+    link_columns,
+    tolerance_share,
+)
 from .observability.identifiability import Identifiability, Identified, identify, no_better_than
 from .observability.power import DetectionPower, powers
 from .observability.remedies import RemedySearch
@@ -56,17 +62,10 @@ if TYPE_CHECKING:
 EQUALLY_GOOD = float(np.log(1000.0))
 
 
-@record(needed=("name", "unit", "status", "estimate", "std", "interval95", "group"))
+@record(needed=("name", "unit", "status", "estimate", "std", "interval95", "group"), repr=False)
 class ParameterResult(ParameterRow):
-    """One row of the answer, of a `group` (offset, geometry, target, tool, …).
-
-    `status` is "identified", "weak", "assumed", "unidentifiable", "held", or "unvalidated" after a misfit;
-    `cause` says why. `prior_std` is that of the prior, `data_std` without prior, None for an exact gauge
-    (infinite) and for held ones. `midpoint` is the paper's eq. 8 estimate, None where unidentifiable, held or
-    not part of that fit. `tolerance_share` (0 to 1) is the part of the variance that the tolerances of the
-    geometry set, None where it is nominal. `tolerated`: the prior is such a tolerance, of the arm or of a
-    calibrated tool. `dof` are the effective degrees of freedom of `std`, infinite of known noise.
-    """
+    """One row of the answer. `tolerated`: the prior is a tolerance, of the arm or of a calibrated tool; `dof`
+    are the effective degrees of freedom of `std`, infinite of known noise."""
 
     group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
     data_std: Annotated[
@@ -275,7 +274,7 @@ class Solution:
         """Of the tests that the run has passed, against wrong models; none of a misfit."""
         if not self.converged or self.misfit is not None:
             return ()
-        return powers(self.problem, self.fit.x, self.identified.facts.rank)
+        return powers(self.problem, self.fit.x, self.identified)
 
     @cached_property
     def null_space(self) -> tuple[NullDirection, ...]:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..experiments.rigs.manual.lines import Lines, TypedLines, WatchedLines
+from ..experiments.rigs.manual.line_sources import Lines, TypedLines, WatchedLines
 from ..experiments.run_options import RIGS, RunOptions
 from ..model.errors import BadInput, RigFault
 from ..model.options import Option
 from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json, say
-from .options import Json, NewRunFile, PlanFile
+from .shared_options import Json, NewRunFile, PlanFile
 
 if TYPE_CHECKING:
     from ..experiments.recording import Answers, Controller
@@ -186,7 +186,7 @@ def _controller(
     """How the controller is reached, and which sensors belong to it: closed with `opened`."""
     from ..experiments.recording import Controller
     from ..experiments.sensors.attached import read_sensors
-    from ..experiments.sensors.interface import RemoteSensors
+    from ..experiments.sensors.controller_sensors import RemoteSensors
 
     if options.sensors is None:
         remote = RemoteSensors(access.address, options.sensor_port)

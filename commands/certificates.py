@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ..experiments.options import Model, Url
+from ..experiments.command_options import Model, Url
 from ..model.errors import BadInput
 from ..model.options import Option, argument
 from .console import print_json, say
 from .history import Serial, histories, opened
-from .options import Json
+from .shared_options import Json
 
 if TYPE_CHECKING:
     from ..reports.history.certificate import VerificationCheck

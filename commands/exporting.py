@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
+from ..experiments.makers.format_options import ExportOptions, ProgramMotion, ProgramOptions
 from ..experiments.makers.maker import (
     Holds,
     OffsetFile,
@@ -16,13 +17,12 @@ from ..experiments.makers.maker import (
     plan_programs,
     program_languages,
 )
-from ..experiments.makers.options import ExportOptions, ProgramMotion, ProgramOptions
 from ..model.errors import BadInput, NotWritten
 from ..model.options import Option, argument, arguments, options_of
 from ..words.controllers import no_offsets_words
 from .console import EXIT_STATUS, out, print_json, say
 from .formats import Command, with_options
-from .options import Force, Json, PlanFile, RunFile
+from .shared_options import Force, Json, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.makers.calibration import RobotCalibration

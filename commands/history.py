@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ..experiments.options import AddOptions, HistoryPageOptions, Model, SerialOrAll, ToleranceMm, Url
+from ..experiments.command_options import AddOptions, HistoryPageOptions, Model, SerialOrAll, ToleranceMm, Url
 from ..model.errors import BadInput, missing_extra
 from ..model.options import Option, argument
-from ..reports.style.console import print_block
+from ..reports.style.rich_console import print_block
 from ..words.spreadsheet import csv_lines
 from .console import err, out, print_json, print_json_pieces, progress, say
 from .formats import Group
-from .options import Force, Json
+from .shared_options import Force, Json
 
 if TYPE_CHECKING:
     from ..experiments.history.content import StoredResult

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from ..experiments.makers.format_options import ImportOptions
 from ..experiments.makers.known_logs import known_logs, read_log
 from ..experiments.makers.maker import Reader, makers
-from ..experiments.makers.options import ImportOptions
 from ..model.errors import BadInput
 from ..model.options import Option, argument, arguments, parameters_of
 from .console import out, progress
 from .formats import Command, of_typed, typer_parameters, with_options, with_parameters
-from .options import Force, NewRunFile
+from .shared_options import Force, NewRunFile
 
 if TYPE_CHECKING:
-    from ..experiments.makers.recordings import Imported, ImportJob
+    from ..experiments.makers.import_jobs import Imported, ImportJob
     from ..model.files.plan import Plan
 
 # As help lists them; those of other makers are behind.
@@ -58,7 +58,7 @@ def _reader_command(reader: Reader) -> Command:
         force: Force = False,
         **typed: Any,
     ) -> None:
-        from ..experiments.makers.recordings import ImportJob
+        from ..experiments.makers.import_jobs import ImportJob
 
         with progress("import") as tell:
             job = ImportJob.begin(files, _header_or_plan(of.header, of.plan), file, of.target, tell)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..analysis.analyse_options import AnalyseOptions
+from ..experiments.command_options import CompareOptions
 from ..experiments.demos import demo_runs
-from ..experiments.options import CompareOptions
 from ..model.errors import BadInput, WorkersLost
 from ..model.options import Option, Seed, argument
 from .console import EXIT_STATUS, FAULT, err, out, print_json, print_picture, progress, say
-from .options import Cluster, Json, Picture, PlanFile, RunFile
+from .shared_options import Cluster, Json, Picture, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis, Sampling
@@ -35,7 +35,7 @@ def demo(
     from ..model.files.run import read_run
     from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_side_by_side
-    from ..reports.terminal.check import print_message
+    from ..reports.terminal.check_terminal import print_message
     from ..words.message import message
 
     cases = demo_runs()
@@ -59,7 +59,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     from ..analysis.observability.aim import aim_plan
     from ..experiments.plans.constraints import check_plan
     from ..model.files.plan import read_plan
-    from ..reports.terminal.check import print_check
+    from ..reports.terminal.check_terminal import print_check
 
     planned = read_plan(plan)
     turned = aim_plan(planned)

@@ -7,12 +7,12 @@ from typing import Annotated, Literal, NoReturn
 
 import typer
 
-from ..experiments.options import VerifyOptions
+from ..experiments.command_options import VerifyOptions
 from ..experiments.plans.plan_options import PlanOptions
 from ..model.errors import BadInput
 from ..model.options import Option, argument, options_of
 from .console import EXIT_STATUS, out, print_json, print_picture, progress, say
-from .options import Cluster, Force, Json, Picture, RunFile
+from .shared_options import Cluster, Force, Json, Picture, RunFile
 
 PlanKind = Literal["x", "y", "optimal", "verify"]
 _PLAN = {"candidates": 0.6, "choice": 0.3, "check": 0.1}
@@ -114,16 +114,16 @@ def verify(
     as_json: Json = False,
 ) -> None:
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
-    from ..experiments.verification import acceptance_json, accepted
-    from ..reports.terminal.acceptance import print_acceptance
+    from ..experiments.acceptance_files import acceptance_json, accepted
+    from ..reports.terminal.acceptance_terminal import print_acceptance
 
     if folder is not None:
-        from ..reports.verification.verification_folder import check_target, write_verification_report
+        from ..reports.acceptance.acceptance_folder import check_target, write_acceptance_report
 
         check_target(folder)
     verified = accepted(run, new, _enough(options.tolerance))
     if folder is not None:
-        write_verification_report(folder, verified)
+        write_acceptance_report(folder, verified)
     if as_json:
         print_json(acceptance_json(verified))
     else:
@@ -137,14 +137,14 @@ def _plan_verify(
     run: Path, file: Path, shots: int | None, tolerance: float | None, force: bool, as_json: bool
 ) -> NoReturn:
     """Write the plan of the acceptance test, and say what it would notice."""
-    from ..experiments.verification import plan_json, write_verification
-    from ..reports.terminal.acceptance import print_verification
+    from ..experiments.acceptance_files import plan_json, write_acceptance_plan
+    from ..reports.terminal.acceptance_terminal import print_acceptance_plan
 
-    made = write_verification(run, file, shots, _enough(tolerance), force=force)
+    made = write_acceptance_plan(run, file, shots, _enough(tolerance), force=force)
     if as_json:
         print_json(plan_json(made))
     else:
-        print_verification(out, made.plan, made.vendor)
+        print_acceptance_plan(out, made.plan, made.vendor)
         say(f"Plan: {file}")
     raise typer.Exit(0 if made.plan.enough else 1)
 

@@ -10,7 +10,7 @@ import typer
 from ..model.errors import BadInput
 from ..model.options import J3Origin, Option, argument
 from .console import EXIT_STATUS, out, print_json, print_picture
-from .options import Json
+from .shared_options import Json
 
 PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
 

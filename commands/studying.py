@@ -12,7 +12,7 @@ from ..model.options import Option, Seed, argument, arguments, options_of
 from ..model.parsing.reading import real_path
 from .console import err, out, print_json, progress, say
 from .formats import with_options
-from .options import Cluster, Json
+from .shared_options import Cluster, Json
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
@@ -98,7 +98,7 @@ def study_cell(
 @_command("geometry")
 def study_geometry(arms: Annotated[int, Option("Simulated arms for each plan.", least=20)] = 200) -> Study:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
-    from ..experiments.studies.geometry import geometry_study
+    from ..experiments.studies.geometry_coverage import geometry_study
 
     return partial(geometry_study, arms)
 
@@ -106,7 +106,7 @@ def study_geometry(arms: Annotated[int, Option("Simulated arms for each plan.", 
 @_command("drift")
 def study_drift(arms: Annotated[int, Option("Simulated arms.", least=20)] = 500) -> Study:
     """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
-    from ..experiments.studies.drift import drift_study
+    from ..experiments.studies.drift_coverage import drift_study
 
     return partial(drift_study, arms)
 
@@ -126,7 +126,7 @@ def study_instruments(
     setups: Annotated[Path | None, Option("Setups file (.yaml) of your own instruments.")] = None,
 ) -> Study:
     """Which instrument, and how many measurements? u and TCP error against number, time and cost."""
-    from ..experiments.studies.instruments import instruments_study
+    from ..experiments.studies.instrument_choice import instruments_study
 
     return partial(instruments_study, setups)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..analysis.pendant_check.check import PendantCheck, check_poses
+from ..analysis.pendant_check.pose_check import PendantCheck, check_poses
 from ..analysis.pendant_check.poses import FORM_OF_VENDOR, FORMS, AngleForm, Counting
 from ..model.arrays import Matrix
 from ..model.errors import BadInput

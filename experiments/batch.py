@@ -40,7 +40,7 @@ class BatchSettings:
     report: Annotated[bool, it("whether each run has its whole report")]
 
 
-@record
+@record(repr=False)
 class BatchOffset(ParameterRow):
     """An offset of a run; its standard uncertainty has the key `u`."""
 

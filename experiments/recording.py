@@ -18,10 +18,11 @@ from ..model.files.run import read_run
 from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
-from ..words.message import headline_so_far, message_so_far, verification_message
+from ..words.message import acceptance_plan_message, headline_so_far, message_so_far
 from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed
+from .acceptance_files import offsets_to_enter
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Ended, Listener, RunOpened
 from .procedure.order import Adaptive, InTurn, Order, WithClosing
@@ -29,16 +30,15 @@ from .procedure.session import Procedure, ProcedureResult, recorded_event, state
 from .rigs.abb.access import Caution, ControllerAccess
 from .rigs.abb.driver import AbbRig
 from .rigs.live.at_rest import JointsAtRest
-from .rigs.manual.lines import Lines
-from .rigs.manual.session import Manual
+from .rigs.manual.line_sources import Lines
+from .rigs.manual.manual_session import Manual
 from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import CellFile, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .run_options import RunOptions
-from .sensors.interface import Sensors
+from .sensors.controller_sensors import Sensors
 from .sensors.text_lines import InstrumentLines
 from .simulate import Truth, simulated_shots
-from .verification import offsets_to_enter
 
 
 @dataclass(frozen=True)
@@ -422,7 +422,7 @@ def _answer(
     if verifies is None:
         summary, headline = message_so_far(state, file.name, header), headline_so_far(state)
     else:
-        summary = verification_message(len(result.shots), str(verifies), file.name)
+        summary = acceptance_plan_message(len(result.shots), str(verifies), file.name)
         headline = summary.verdict
     return Ended(
         file=file.name,

@@ -21,25 +21,25 @@ from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..model.options import checked_options, require_number
 from ..reports.output.html import card, text
-from ..reports.run.parameters import draw_offsets, offsets_picture, offsets_table, parameter_table
+from ..reports.run.parameter_section import draw_offsets, offsets_picture, offsets_table, parameter_table
 from ..reports.run.posterior_summary import draw_posterior, posterior_picture
 from ..reports.run.report import ReportPaths, write_report
 from ..reports.run.residuals import draw_residuals, residuals_picture
 from ..reports.run.run_scene import run_turnable
 from ..reports.style.blocks import Page, Verdict
-from ..words.findings import likelihood_message, posterior_message
+from ..words.finding_words import likelihood_message, posterior_message
 from ..words.message import message
 from ..words.next_steps import offered
 from ..words.sentences import to_json
 from ..words.wording import clipped, counted
-from .arguments import require_axes, require_kind, require_progress
+from .checked_arguments import require_axes, require_kind, require_progress
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView, scene_view
 from .posterior_dataset import posterior_dataset
 from .predicted import predicted_positions
-from .profiles import Contour, Profile, require_estimated
 from .progress import shown_progress
 from .refit import refit_run
+from .shown_profiles import Contour, Profile, require_estimated
 from .tables import ShownParameters, data_frame, residual_frame
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
 from ..experiments.plans.plan_options import PlanOptions, Portion
 from ..model.arrays import ByValue
 from ..model.errors import BadInput
-from ..model.files.arguments import checked, plain
+from ..model.files.from_arrays import checked, plain
 from ..model.files.header import Header
 from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
@@ -23,16 +23,16 @@ from ..model.files.robot_file import built_in_robots
 from ..model.options import checked_options, require_number
 from ..reports.output.html import card, text
 from ..reports.plan.plan_page import plan_turnable, postures_of
-from ..reports.run.parameters import worth_column
+from ..reports.run.parameter_section import worth_column
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
-from ..words.geometry import check_lines
+from ..words.geometry_words import check_lines
 from ..words.numbers import unit_of
 from ..words.plan_message import plan_message
 from ..words.sentences import to_json
 from ..words.verdict import tone_of
 from ..words.wording import clipped, counted, label
-from .arguments import require_plan, vector
+from .checked_arguments import require_plan, vector
 from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView, scene_view
 from .tables import ShownPredictions

@@ -14,9 +14,9 @@ from ..analysis.diagnostics.tcp_positions import NO_EFFECT, arm_covariance, tool
 from ..analysis.solution import Solution
 from ..analysis.status import UNVALIDATED
 from ..model.errors import BadInput
-from ..model.files.arguments import joint_positions
+from ..model.files.from_arrays import joint_positions
 from ..model.files.limits import joint_warnings
-from .arguments import vector
+from .checked_arguments import vector
 
 if TYPE_CHECKING:
     import pandas as pd

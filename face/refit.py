@@ -11,7 +11,7 @@ from ..analysis.solution import Solution
 from ..model.errors import BadInput
 from ..model.files.run import REFIT, Run
 from ..model.options import require_number
-from .arguments import require_mapping, whole_numbers
+from .checked_arguments import require_mapping, whole_numbers
 
 _BY_METHOD = ("first link", "free tool")  # held whatever a header states
 

@@ -13,7 +13,7 @@ from ..model.files.plan import Plan
 from ..model.files.run import Run
 from ..model.options import require_number
 from ..words.provenance import SIMULATED
-from .arguments import require_mapping, require_plan
+from .checked_arguments import require_mapping, require_plan
 
 
 def simulate(

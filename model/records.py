@@ -78,7 +78,17 @@ class inline(_Internal):
         self.names = names
 
 
-if_any, or_null = object(), object()
+class _OrNull:
+    """See `or_null`."""
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        text = core_schema.nullable_schema(handler(source))
+        return core_schema.no_info_after_validator_function(lambda value: value or "", text)
+
+
+if_any, or_null = object(), _OrNull()
 """Mark a key that is not written where it is None, and a text that is null where it is empty."""
 
 _WORDED = "worded"
@@ -177,7 +187,7 @@ def keys(cls: type) -> tuple[Key, ...]:
             answer += _inlined(one.name, hints[one.name], parts.names)
             continue
         about = next((mark for mark in marks if isinstance(mark, FieldInfo)), Field())
-        name = about.alias or one.name
+        name = about.serialization_alias or about.alias or one.name
         answer.append(
             Key(
                 name,
@@ -235,6 +245,8 @@ def _plain(value: object, words: Words) -> object:
     if is_dataclass(value):
         kind = _kind(cast(Any, type(value)))
         return {one.name: _plain(_shown(value, kind, one, words), words) for one in _present(value, kind)}
+    if isinstance(value, BaseModel):  # of a file that people write
+        return value.model_dump(mode="json", by_alias=True)
     if isinstance(value, datetime):
         return value.replace(tzinfo=UTC).isoformat()
     if isinstance(value, Mapping):

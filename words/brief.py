@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..analysis.answer.message import Grade
+from ..analysis.answer.answer_message import Grade
 from ..analysis.answer.result import Result
 from . import numbers
 from .judgement import read_judgement

@@ -14,7 +14,7 @@ from ..analysis.repeatability.repeat import (
     SharedTolerances,
     StatedMisfit,
 )
-from .misfit import criterion_sentence
+from .misfit_words import criterion_sentence
 from .numbers import p_words, times
 from .wording import be, listed
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..analysis.answer.result import Result
-from ..analysis.diagnostics.enter import Conformity, TcpError
+from ..analysis.diagnostics.values_to_enter import Conformity, TcpError
 from . import numbers
 from .controllers import taken_by
 

@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from ..analysis.answer.answer_message import Grade, May
 from ..analysis.answer.findings import Finding, HeldOutMisfit, OtherBasins, Outlying
-from ..analysis.answer.message import Grade, May
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.misfit import ExactDoubted

@@ -11,6 +11,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ..analysis.answer.answer_message import Action, Message, WorstOffset
 from ..analysis.answer.findings import (
     FileWarning,
     Finding,
@@ -22,7 +23,6 @@ from ..analysis.answer.findings import (
     on_the_model,
     prediction_failed,
 )
-from ..analysis.answer.message import Action, Message, WorstOffset
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation, undecided
 from ..analysis.diagnostics.hold_out import HoldOut
@@ -57,13 +57,14 @@ from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import KINDS
 from ..model.likelihood.parameters import HeldBy
 from . import numbers
-from .basis import basis_lines
+from .basis_words import basis_lines
 from .controllers import export_command, export_sentence, lacks_factory_calibration, taken_by
 from .enter import conformity_sentence, expected_sentence, met_words
-from .findings import finding_sentence, likelihood_message
-from .geometry import by_tolerances, confounded_sentence, worth_sentence
+from .finding_words import finding_sentence, likelihood_message
+from .geometry_words import by_tolerances, confounded_sentence, worth_sentence
 from .judgement import Judgement, against, judgement
-from .misfit import (
+from .misfit_causes import CAUSES, by_another_run, mend
+from .misfit_words import (
     UNVALIDATED,
     cause_sentence,
     criterion_sentence,
@@ -71,7 +72,6 @@ from .misfit import (
     measurements,
     step_sentence,
 )
-from .misfit_causes import CAUSES, by_another_run, mend
 from .observability import condition, direction_remedy, reason, stating, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS, assumed_steps, resting
@@ -212,7 +212,7 @@ def message_so_far(solution: Solution, run: str, header: Header) -> Message:
     return _message(_case_so_far(solution, run, header.model_dump(mode="json")), person)
 
 
-def verification_message(measurements: int, calibration: str, run: str) -> Message:
+def acceptance_plan_message(measurements: int, calibration: str, run: str) -> Message:
     """The message of a run that tests a corrected robot: its own offsets do not judge it."""
     return Message(
         verdict=f"{counted(measurements, 'measurement')} for the test of {shown(calibration)}.",

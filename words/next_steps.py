@@ -5,9 +5,9 @@ What the data do not determine is never offered: values are offered of a pass al
 
 from __future__ import annotations
 
-from ..analysis.answer.message import Message
+from ..analysis.answer.answer_message import Message
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
-from ..analysis.diagnostics.enter import Entered
+from ..analysis.diagnostics.values_to_enter import Entered
 from ..model.instruments.flange_tool import FlangeTool
 from . import numbers
 from .controllers import export_command, lacks_factory_calibration, taken_by

@@ -5,12 +5,12 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator
 
-from ..analysis.answer.message import Action, Message, WorstOffset
+from ..analysis.answer.answer_message import Action, Message, WorstOffset
 from ..analysis.observability.causes import AsGoodAs, Tried, worst_direction
 from ..analysis.observability.check import Check, CheckedParameter
 from ..analysis.status import Status
 from . import numbers
-from .geometry import by_tolerances
+from .geometry_words import by_tolerances
 from .observability import (
     condition,
     direction_remedy,

@@ -33,7 +33,7 @@ from ..analysis.solution import ParameterResult
 from ..analysis.tight_priors import TightPrior
 from ..model import records
 from . import comparison
-from .findings import (
+from .finding_words import (
     accuracy_reason,
     hold_out_message,
     likelihood_message,
@@ -44,7 +44,7 @@ from .findings import (
     tcp_words,
 )
 from .message import headline, message
-from .misfit import criterion_sentence, explanation_sentence
+from .misfit_words import criterion_sentence, explanation_sentence
 from .next_steps import next_steps, offered
 from .observability import direction_remedy, reason
 from .verdict import check_headline, check_notes

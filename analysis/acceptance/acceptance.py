@@ -268,7 +268,7 @@ def _couples(robot: Robot) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class VerificationPlan:
+class AcceptancePlan:
     """The chosen measurements of the run by their index (`rows`), the `joints` (N, n) rad or mm that the
     corrected robot reads there, and the power of the test, offset by offset."""
 
@@ -293,7 +293,7 @@ def choose(
     tolerance: Mapping[str, float],
     shots: int | None = None,
     usable: Mask | None = None,
-) -> VerificationPlan:
+) -> AcceptancePlan:
     """As few postures as give the test the power that a plan aims at, else those that give it most; or
     `shots` of them. They are taken one after the other, each the one that raises the weakest offset most.
     `usable` (N,): only these."""
@@ -331,7 +331,7 @@ def choose(
         rows = max(tried, key=score)
     rows = _placing(problem, rows, rows_of)
     joints, targets, offsets = planned(sorted(rows))
-    return VerificationPlan(tuple(sorted(rows)), joints, targets, offsets)
+    return AcceptancePlan(tuple(sorted(rows)), joints, targets, offsets)
 
 
 def _placing(problem: Problem, rows: list[int], usable: Index) -> list[int]:

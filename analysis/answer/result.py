@@ -20,23 +20,23 @@ from ..covariance import OffsetsWithoutPrior
 from ..diagnostics.accuracy import TcpAccuracy
 from ..diagnostics.budget import Budget
 from ..diagnostics.diagnosis import Explanation
-from ..diagnostics.enter import Conformity, Entered
 from ..diagnostics.hold_out import HoldOut, PlacementResult
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import Robust
 from ..diagnostics.predicted_run import PredictedRun
-from ..diagnostics.scene import RunScene
+from ..diagnostics.scene_data import RunScene
+from ..diagnostics.values_to_enter import Conformity, Entered
 from ..misfit import Misfit
 from ..observability.basis import Basis
-from ..observability.geometry import GeometryResult
+from ..observability.geometry_result import GeometryResult
 from ..observability.identifiability import Identifiability
 from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterResult, ParameterTable
 from ..status import UNVALIDATED, Verdict, as_grave, has_numbers, verdict_of
+from .answer_message import Message
 from .findings import Finding
-from .message import Message
 
 RESULT_SCHEMA: Final = "zerobeam/result/1"
 _SURROGATE = re.compile(r"\\u[dD][89abAB]")

@@ -35,7 +35,6 @@ from ...model.records import internal, it, record, worded
 from ..error_radius import radius95, radius95_about
 from ..observability.causes import Cause
 from ..solution import Solution
-from .enter import controller_arm, values_to_enter
 from .tcp_positions import (
     TcpSource,
     arm_covariance,
@@ -47,6 +46,7 @@ from .tcp_positions import (
     undetermined_offsets,
     within_limits,
 )
+from .values_to_enter import controller_arm, values_to_enter
 
 Grid = tuple[tuple[float | None, ...], ...]
 Counts = tuple[tuple[int, ...], ...]
@@ -108,14 +108,8 @@ class Map:
 
 @record
 class TcpAccuracy:
-    """The TCP's accuracy over the workspace.
-
-    `point_mm` in the flange frame, `place` says in words what it is. `workspace` is over the joints' limits,
-    `near_shots` over the ranges that the shots' joints span: all else is extrapolation. `maps` are of the
-    workspace. Where nothing can be stated both regions are None and there is no map, `undetermined` names the
-    offsets that it is for and `reason` says why. `weak` names those that enter with a large std. With S the
-    `sensitivity_mm2` (n, n), errors d of offsets move the TCP by the root of d' S d, rms of the workspace.
-    """
+    """The TCP's accuracy over the workspace; outside the ranges near the shots all is extrapolation. What it
+    would depend on beside what is determined is in `undetermined`."""
 
     point_mm: Annotated[tuple[float, float, float], it("the TCP in the flange frame, millimetres")]
     source: Annotated[TcpSource, internal]

@@ -81,12 +81,7 @@ class LinearCheck:
 
 @record
 class Budget:
-    """One parameter that the data determine: `std` is the combined standard uncertainty, as the result
-    reports it.
-
-    `dof` are the effective degrees of freedom (None: infinite), `expanded` is `coverage_factor` times `std`
-    and covers 95 %. `check` is None without a converged posterior.
-    """
+    """The uncertainty budget of one parameter that the data determine."""
 
     name: Annotated[str, it("of an identifiable offset or tool parameter")]
     unit: Annotated[str, it("of its numbers")]

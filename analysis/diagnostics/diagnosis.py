@@ -52,20 +52,15 @@ _RIVALS_OF_LINKS: frozenset[Cause] = frozenset(
 
 @record
 class Explanation:
-    """What explains a misfit. `joints` (numbered from 1), `targets` and `measurements` are those concerned
-    (of what changed during the run the last before and the first after). `amount` is what is added to a zero
-    (deg), the factor of units, how many times joint 2 is added to joint 3, the size of a jump, of a drift, of
-    backlash, of what a tool or a length is off (deg, mm), the share of a motion or of an angle, or how many
-    times noise or tolerances are as large; `of` names the arm, the axes, the convention, the part of the tool
-    or the parameter.
+    """What explains a misfit. `amount` is what is added to a zero (deg), the factor of units, how many times
+    joint 2 is added to joint 3, the size of a jump, of a drift, of backlash, of what a tool or a length is
+    off (deg, mm), the share of a motion or of an angle, or how many times noise or tolerances are as large;
+    `of` names the arm, the axes, the convention, the part of the tool or the parameter.
 
-    `factor` is the residual over the noise that it leaves, `before` the same as recorded; `farthest` and
-    `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
-    the parameters that it frees (their effective number), `p_value` is that of such evidence after all that
-    was tried, `agrees` says that what it leaves agrees with the noise. `odds` is its evidence over that of
-    the most likely explanation. Of an exact arm its links come first where they are enough, unless another
-    is 20 times as likely. `sources` has FILE:LINE of the measurements, by number; `readings` the values of a
-    single measurement of which one alone, if it was wrong, explains it.
+    `before` is `factor` as recorded; `farthest` and `farthest_before` the largest distance of an estimate
+    from its prior mean, in prior stds. `freed` is the effective number of parameters that it frees, `p_value`
+    that of such evidence after all that was tried. `sources` has FILE:LINE of the measurements, by number.
+    Of an exact arm its links come first where they are enough, unless another is 20 times as likely.
     """
 
     cause: Annotated[Cause, it("its name")]

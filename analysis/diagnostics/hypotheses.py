@@ -22,7 +22,7 @@ from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..estimation.fit import CONTRADICTED, modes
-from ..observability.geometry import with_links
+from ..observability.geometry_result import with_links
 from ..placements import placements
 from .cause import Cause
 from .robot_variants import Variant, file_variants, other_arms

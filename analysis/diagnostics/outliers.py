@@ -26,13 +26,8 @@ _MEDIAN_WORTH = 0.48  # a scale from the median is as good as one from so large 
 
 @record
 class Robust:
-    """A fit in which a large residual weighs less: `loss` with its `tuning` (Huber's threshold in stds,
-    Student's nu), `weights` of the measurements in their order, `outliers` the numbers of those beyond
-    `OUTLYING`.
-
-    `with_uncertainty` is False where a measurement has leverage 1, or there are no more numbers than
-    unknowns.
-    """
+    """A fit in which a large residual weighs less; outliers are beyond `OUTLYING`. `with_uncertainty` is
+    False where a measurement has leverage 1, or there are no more numbers than unknowns."""
 
     loss: Annotated[Loss, it("the loss function")]
     tuning: Annotated[

@@ -50,13 +50,7 @@ class PredictedMeasurement:
 
 @record(kw_only=True)
 class PredictedRun(PredictedAgainstMeasured):
-    """Another run, of the file `run`, as the fit predicts it.
-
-    `targets_placed` are those that only the other run has. `unknown` are the numbers of measurements whose
-    prediction is not determined, `taken_up` of those that are needed to place their target: neither is in
-    the numbers. `median_mm` and `max_mm` are of the errors of all others, as `rms_mm`; `median_before_mm` and
-    `max_before_mm` with nominal values; `u_mm` is the root mean square of the prediction's uncertainty.
-    """
+    """Another run as the fit predicts it; measurements `unknown` or `taken_up` are in no other number."""
 
     run: Annotated[str, it("name of the other run")]
     sha256: Annotated[str, it("of the other run")]

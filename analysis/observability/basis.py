@@ -15,7 +15,7 @@ from ...model.instruments.kind import Assumption
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
 from ..status import Status, has_numbers
-from .geometry import GeometryResult, Tolerance
+from .geometry_result import GeometryResult, Tolerance
 
 _VARIANCE = 1e-12  # of a tolerance: what the data know better is not known by it
 
@@ -30,14 +30,7 @@ class Size:
 
 @record
 class Basis:
-    """One thing that is taken as known: a `part` (mounting, tip, frame, mount, reflector, links) of what has
-    the label `of`, an instrument of that `kind`, or the arm.
-
-    `stated` where the header says how well it is known, by its `keys`; else that is assumed. It is known to
-    the `sizes`, or exactly where there are none. Of all offsets it does most to `offset`: its standard
-    uncertainty is `u`, and would be `u_if_exact` if this were known exactly (all None where there is no such
-    number).
-    """
+    """One thing that is taken as known: a part of an instrument, or of the arm."""
 
     of: Annotated[str, it("label of the instrument, `tool`, or `arm`")]
     kind: Annotated[str, it("of the instrument, or `arm`")]

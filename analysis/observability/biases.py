@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ..left_over import LeftOver
@@ -72,20 +72,25 @@ class Linearised(LeftOver):
 
 
 class Biases(Linearised):
-    """Biases b of the whitened residuals at x (p,), by u = A'b (f, k) and the squares b'b (k,)."""
+    """Biases b of the whitened residuals at x (p,), by u = A'b (f, k) and the squares b'b (k,).
 
-    def __init__(self, problem: Problem, x: Matrix) -> None:
+    Errors of offsets are those of the `counted` parameters (p,) alone: an offset that is no part of a pass
+    cannot make it wrong.
+    """
+
+    def __init__(self, problem: Problem, x: Matrix, counted: Mask) -> None:
         super().__init__(problem, x)
         parameters = problem.parameters
         at = parameters.among_free[problem.tolerated]
         # |M b|^2 and the squares of what has a tolerance: b'b + u' Q u.
         self.taken = self.covariance @ self.gram @ self.covariance - 2 * self.covariance
         self.taken += self.covariance[:, at] @ self.covariance[at]
-        self.offsets = np.flatnonzero(parameters.group("offset")[parameters.free])
+        counts = parameters.group("offset") & parameters.free & counted
+        self.offsets = np.flatnonzero(counts[parameters.free])
         std = np.sqrt(np.diag(self.covariance)[self.offsets])
         self.into = self.covariance[self.offsets] / std[:, None]
-        # (o,) of each free offset: its joint, and the standard uncertainties, rad or mm.
-        places = np.flatnonzero(parameters.group("offset") & parameters.free)
+        # (o,) of each offset that counts: its joint, and the standard uncertainties, rad or mm.
+        places = np.flatnonzero(counts)
         self.joints: Index = places - parameters.block("offset").start
         self.std = std * parameters.prior_std[places]
 

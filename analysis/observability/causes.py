@@ -262,13 +262,9 @@ class Tried:
 
 @record
 class NullDirection:
-    """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
-    What has a tolerance has no part in it: it is known up to that, whatever the data say.
-
-    `data_std` is its std without prior, in prior stds along it; None for an exact gauge. `slight` have a part
-    in it that is too small for the combination, and no bound all the same.
-    Of the kind `optima` it is the way from the best local optimum to another, and `data_std` its length.
-    """
+    """A combination of parameters that the data do not determine. What has a tolerance has no part in it: it
+    is known up to that, whatever the data say. `slight` have a part in it that is too small for the
+    combination, and no bound all the same. Of the kind `optima` `data_std` is the length of the way."""
 
     combination: Annotated[
         dict[str, float],

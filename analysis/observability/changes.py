@@ -20,7 +20,7 @@ from ...model.likelihood.problem import Problem
 from ...model.records import internal, record, worded
 from ..left_over import DETERMINED_MM, EXCLUDES, Hypotheses
 from .biases import Linearised
-from .geometry import with_links
+from .geometry_result import with_links
 
 # p-value of the clearest change of a run, after all that is tested. With the price of its size, a factor of
 # some 30, such a change is 20 times as likely as none.

@@ -21,7 +21,7 @@ from ..status import Status, Verdict, has_numbers, require_no_more_than, verdict
 from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, Tried, cause_for
-from .geometry import GeometryResult, geometry_result, tolerance_share
+from .geometry_result import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import (
     Advice,
@@ -85,14 +85,8 @@ class Violation:
 
 @record
 class CheckedParameter:
-    """One unknown before the shots: the parameter `name` of a `group` (offset, geometry, target, tool, …),
-    its numbers in its `unit` (deg, mm, or 1 of a noise factor).
-
-    `status` is "identified", "weak", "assumed", "unidentifiable" or "held", and `cause` says why it has
-    no number, or what its number rests on.
-    `prior_std` is that of the prior, `data_std` without prior, None for an exact gauge or a held one; `std`
-    what the calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance.
-    `tolerance_share` (0 to 1) is the part of the variance that tolerances set."""
+    """One unknown before the shots. `cause` says why it has no number, or what its number rests on;
+    `tolerated`: its prior is a tolerance."""
 
     name: Annotated[str, it("of the parameter")]
     unit: Annotated[str, it("as in a result")]
@@ -392,7 +386,7 @@ class Check:
             verdict=cast(Planned, "violated" if violations else observable),
             parameters=CheckedTable(rows),
             identifiability=facts,
-            power=powers(judged, at, identified.facts.rank),
+            power=powers(judged, at, identified),
             geometry=geometry,
             postures=tuple(
                 CheckedPosture(

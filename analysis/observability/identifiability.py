@@ -47,7 +47,7 @@ from .causes import (
     Unexplained,
     WithinTolerances,
 )
-from .gauges import PART, ROUNDING, Gauge, complement, gauge_at, gauge_of, information_root, information_roots
+from .gauges import PART, ROUNDING, Gauge, complement, gauge_at, gauge_of, information_roots
 from .marginal import Marginal
 
 _NEARLY_CONSTANT_DEG = 10.0
@@ -340,14 +340,6 @@ def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, 
     unit = {each.label: each.words.unit for each in problem.tool.each}
     of_unit = [one for one in some if one.part == "frame" or one.unit == unit[one.label]]
     return tuple(of_unit or some)
-
-
-def rank(problem: Problem, x: Matrix) -> int:
-    """The number of unknowns that many shots determine at x (p,), as `identify` counts them where no point
-    near by has a lower rank; without the names of what they do not determine."""
-    tolerated = problem.parameters.tolerated[problem.parameters.free]
-    root = Marginal.of(information_root(problem, x, 1.0)[1], tolerated).root
-    return _rank(tolerated, np.asarray(np.linalg.svd(root, compute_uv=False), dtype=float))
 
 
 def _rank(tolerated: Mask, singular: Matrix) -> int:

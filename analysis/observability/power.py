@@ -20,9 +20,10 @@ import scipy
 from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.problem import Problem
 from ...model.records import it, key, record
-from ..status import LACK_OF_FIT
+from ..status import LACK_OF_FIT, known
 from .biases import Biases, revolute, tool_items
 from .changes import FEWEST, change_limit
+from .identifiability import Identified
 
 WrongModel = Literal["tool", "beam", "arm", "jump", "drift", "moved", "reading", "backlash", "noise"]
 
@@ -59,19 +60,8 @@ _PowerBy = Callable[[Matrix], Matrix]  # by the size over that of the row (k,)
 
 @record
 class DetectionPower:
-    """A run notices a `wrong` model of this `size` (mm, deg, or 1: times the stated) with a `probability`.
-
-    "tool": a point of the tool is off; "beam": its direction is; "arm": what has a tolerance of the geometry
-    is so many times that large; "jump": the zero of `joint` (from 1) jumps halfway; "drift": it drifts so far
-    from the first measurement to the last; "moved": a target is moved halfway through its measurements, or
-    drifts from the first to the last; "reading": one measurement is off; "backlash": every joint
-    is off by that, one way or the other; "noise": the readings scatter so many times as much. Of joints,
-    targets and directions that of the largest risk is stated.
-
-    `off_u` is the error that it makes of an offset, in its standard uncertainty, the largest of all. `risk`
-    is the probability that a run passes with an offset that is wrong by more than 4 u, the largest over all
-    sizes, and `worst_size` that size.
-    """
+    """With which probability a run notices a wrong model of this size (mm, deg, or 1: times the stated). Of
+    joints, targets and directions that of the largest risk is stated."""
 
     wrong: Annotated[
         WrongModel,
@@ -88,7 +78,9 @@ class DetectionPower:
     size: Annotated[float, it("of the wrong thing")]
     unit: Annotated[str, it("of `size`")]
     probability: Annotated[float, it("that a run detects it")]
-    off_u: Annotated[float, it("the largest error of an offset by it, in the offset's u")]
+    off_u: Annotated[
+        float, it("the largest error by it of an offset that is not merely `assumed`, in the offset's u")
+    ]
     joint: Annotated[int | None, it("from 1, else null")] = None
     risk: Annotated[
         float,
@@ -116,15 +108,17 @@ class DetectionPower:
         return self.risk > MOST_RISK
 
 
-def powers(problem: Problem, x: Matrix, rank: int) -> tuple[DetectionPower, ...]:
-    """Of measurements that hit, at x (p,); `rank` numbers are taken up by the fit.
+def powers(problem: Problem, x: Matrix, identified: Identified) -> tuple[DetectionPower, ...]:
+    """Of measurements that hit, at x (p,), of which this is `identified`: only offsets that a pass contains
+    can make it wrong.
 
     None where the noise is estimated, or no number is left: nothing is tested then, and nothing noticed.
     """
-    dof = problem.data_size - rank
+    dof = problem.data_size - identified.facts.rank
     if not problem.noise.known or dof <= 0:
         return ()
-    return tuple(_Powers(Biases(problem, x), dof).rows())
+    counted = np.array([known(status) for status in identified.status])
+    return tuple(_Powers(Biases(problem, x, counted), dof).rows())
 
 
 def halves(problem: Problem, x: Matrix) -> tuple[Index, Index]:
@@ -134,7 +128,7 @@ def halves(problem: Problem, x: Matrix) -> tuple[Index, Index]:
     joints = revolute(problem)
     if problem.shots < 3 or not joints:
         return np.flatnonzero(~second), np.flatnonzero(second)
-    biases = Biases(problem, x)
+    biases = Biases(problem, x, problem.parameters.free)
     jumps = biases.by_joints[:, :, joints]
     u = np.einsum("nda,ndj->jna", biases.roots, jumps)
     form = u @ biases.taken @ u.transpose(0, 2, 1)  # (n, N, N): noncentrality of biases, by measurements

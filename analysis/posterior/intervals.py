@@ -17,12 +17,7 @@ _DIFFERS = 0.1  # of the width of an interval: by so much its ends may differ an
 
 @record
 class Intervals:
-    """The 95 % intervals of one parameter by three methods, where they differ or the parameter is weak.
-
-    `linear` by the curvature at the mode (as `interval95` of the parameter), `profile` by the profile
-    likelihood (None where an end was not found), `posterior` between the 2.5 % and 97.5 % quantiles of the
-    draws (None without a posterior). `differ` where an end is off by a tenth of the width or more.
-    """
+    """The 95 % intervals of one parameter by three methods, where they differ or the parameter is weak."""
 
     name: Annotated[str, it("of an offset, tool or noise parameter")]
     unit: Annotated[str, it("of its ends")]

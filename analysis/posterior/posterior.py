@@ -100,11 +100,9 @@ class Agreement:
 
 @record(needed=("converged", "message"))
 class PosteriorSummary:
-    """Diagnostics of the sampling; `parameters` is None unless it converged.
-
-    `drifts`: the ensembles agree, but their draws still drift. `agreement` is None where the chains did not
-    get so far. Without any draws it was not sampled:
-    `useless` says why nobody needs it, it was `omitted`, or the fit did not converge.
+    """Diagnostics of the sampling. `drifts`: the ensembles agree, but their draws still drift. Without any
+    draws it was not sampled: `useless` says why nobody needs it, it was `omitted`, or the fit did not
+    converge.
     """
 
     converged: Annotated[bool, it("whether the draws may be used")]

@@ -161,29 +161,8 @@ def profile_ends(solution: Solution, which: Index) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class ProfileCurve(ByValue):
-    """The profile of one parameter.
-
-    Attributes
-    ----------
-    name, unit, status : str
-        Of the parameter.
-    estimate, u : float
-        The mode and the standard uncertainty there.
-    values : ndarray
-        (n,) where the parameter was fixed, in its unit, ascending.
-    distance : ndarray
-        (n,) from the mode, in standard uncertainties, negative below it; nan where no optimum of the other
-        parameters was found.
-    normal : ndarray
-        (n,) the same of a normal posterior: (values - estimate) / u.
-    dof : float
-        Degrees of freedom of the distance, infinite of known noise.
-
-    Raises
-    ------
-    UnsoundResult
-        The data do not determine the parameter.
-    """
+    """The profile of one parameter (`face.profiles.Profile` says what each array is); `dof` are the degrees
+    of freedom of the distance, infinite of known noise. UnsoundResult where the data do not determine it."""
 
     name: str
     unit: str
@@ -252,28 +231,9 @@ class ProfileCurve(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class ProfileContour(ByValue):
-    """The profile of two parameters: the region that holds `level` of their joint probability.
-
-    Attributes
-    ----------
-    names, units, status : tuple of str
-        (2,) of the parameters.
-    estimates : tuple of float
-        (2,) the mode.
-    level : float
-        The probability of the region.
-    points : ndarray
-        (n, 2) its boundary, closed, in the units of the parameters; nan where no boundary was found.
-    ellipse : ndarray
-        (n, 2) the boundary of a normal posterior, in the same directions from the mode.
-    deviation : float
-        The largest distance between the two, in standard uncertainties; infinite where there is a gap.
-
-    Raises
-    ------
-    UnsoundResult
-        The data do not determine both parameters.
-    """
+    """The profile of two parameters: the region that holds `level` of their joint probability
+    (`face.profiles.Contour` says what each array is). `deviation` is infinite where there is a gap.
+    UnsoundResult where the data do not determine both."""
 
     names: tuple[str, str]
     units: tuple[str, str]

@@ -248,12 +248,8 @@ class RecordingCorrelation:
 
 @record
 class Effective:
-    """The effective number of measurements: `shots` / `divisor`.
-
-    `rho`, `kappa` and `p_value` are those of all recordings together, None as of one. `divisor` is what
-    the information of the measurements is to be divided by: above 1 where there is clear evidence of a
-    positive correlation.
-    """
+    """The effective number of measurements, by the correlation of those that follow each other in a
+    recording; of all together it is None as of one."""
 
     recordings: Annotated[
         tuple[RecordingCorrelation, ...],

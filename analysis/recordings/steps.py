@@ -52,14 +52,8 @@ _STANDS_OUT = 2.0
 
 @record
 class RecordingStep:
-    """A run of measurements of one recording that are off together.
-
-    `first_shot` to `last_shot` are off the rest of the recording by `shift_mm` of the target (base frame;
-    None for a component that the residuals do not determine; `size_mm` None while one is), or the rest is off
-    these by the opposite. `p_value` is that of a run as clear anywhere in the recording, Holm-adjusted over
-    the recordings. `factor` is what the shift does to the residuals of the run over what scatters besides, as
-    a ratio of root mean squares. Of a `station` it is the instrument that is off, relative to the base.
-    """
+    """A run of measurements of one recording that are off together, or the rest is off these by the opposite.
+    Of a `station` it is the instrument that is off, relative to the base."""
 
     kind: Annotated[Literal["step"], it("of the criterion")] = field(default="step", kw_only=True)
 

@@ -13,18 +13,18 @@ from ...model.files.plan_file import PlanFile
 from . import job_end_points  # noqa: F401 - enters its end points
 from .answers import (  # noqa: F401 - each enters its end points
     calibrations,
+    dragging,
     exports,
-    history,
     home,
     imports,
-    inverse,
     new_folders,
     plans,
     posteriors,
-    recordings,
     refits,
     results,
-    robots,
+    robot_library,
+    run_history,
+    unfinished_runs,
 )
 from .folder import FolderFile
 from .requests import END_POINTS, ErrorAnswer

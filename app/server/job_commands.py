@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 from ...analysis.analyse_options import AnalyseOptions
+from ...experiments.command_options import AddOptions, CompareOptions, HistoryPageOptions, VerifyOptions
+from ...experiments.makers.format_options import ExportOptions, ImportOptions, ProgramMotion, ProgramOptions
 from ...experiments.makers.known_logs import known_logs, read_log
 from ...experiments.makers.maker import makers, plan_programs
-from ...experiments.makers.options import ExportOptions, ImportOptions, ProgramMotion, ProgramOptions
-from ...experiments.options import AddOptions, CompareOptions, HistoryPageOptions, VerifyOptions
 from ...experiments.plans.plan_options import PlanOptions
 from ...experiments.rigs.live.address import SCHEMES, parse_address
 from ...experiments.run_options import RunOptions

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 
 from starlette.exceptions import HTTPException
 
-from ...analysis.answer.message import Action
+from ...analysis.answer.answer_message import Action
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput

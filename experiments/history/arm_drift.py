@@ -12,7 +12,7 @@ import numpy as np
 
 from ...analysis.drift.drift import Drift, Jump, Undecided, drift
 from ...analysis.drift.forecast import HORIZON_YEARS, due_after
-from ...analysis.drift.instruments import change_at
+from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
 from ...model.records import if_any, inline, internal, it, key, or_null, record
 from .content import Event, Moment, StoredResult

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, cast, get_args
 import numpy as np
 from pydantic import AfterValidator
 
-from ...analysis.answer.message import Grade, May
+from ...analysis.answer.answer_message import Grade, May
 from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict, has_numbers

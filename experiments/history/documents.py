@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Final, Literal, get_args
 
-from ...analysis.answer.message import Grade
+from ...analysis.answer.answer_message import Grade
 from ...analysis.drift.drift import Jump
 from ...analysis.status import Verdict
 from ...model.records import if_any, internal, it, key, record

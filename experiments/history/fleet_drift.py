@@ -14,7 +14,7 @@ import numpy as np
 
 from ...analysis.drift.drift import ALARM, SPREAD, Drift, Jump
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
-from ...analysis.drift.instruments import Bias, ComparableInstruments, MeasuredArm, instrument_biases
+from ...analysis.drift.instrument_biases import Bias, ComparableInstruments, MeasuredArm, instrument_biases
 from ...model.arrays import Matrix
 from ...model.records import inline, it, record
 from ..processes import side_by_side

@@ -17,8 +17,8 @@ import numpy as np
 
 from ...analysis.answer.findings import OtherBasins, without_a_result
 from ...analysis.covariance import Covariance
-from ...analysis.diagnostics.enter import ValueToEnter, offsets_to_enter
 from ...analysis.diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
+from ...analysis.diagnostics.values_to_enter import ValueToEnter, offsets_to_enter
 from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
@@ -35,7 +35,7 @@ from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
 from ...words.judgement import against
 from ...words.message import check_first, doubt_sentence
-from ...words.misfit import criterion_sentence, misfit_headline
+from ...words.misfit_words import criterion_sentence, misfit_headline
 from ...words.observability import reason
 from ...words.provenance import is_simulated
 from ...words.wording import listed

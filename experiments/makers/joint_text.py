@@ -23,7 +23,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, PendantUnit
 from ...model.parsing.reading import read_other_text, shown
-from .recordings import FileMeasurements, Imported, ImportJob, without_unused
+from .import_jobs import FileMeasurements, Imported, ImportJob, without_unused
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = re.compile(

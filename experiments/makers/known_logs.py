@@ -17,7 +17,7 @@ from .maker import (
 )
 
 if TYPE_CHECKING:
-    from .recordings import Imported, ImportJob
+    from .import_jobs import Imported, ImportJob
 
 
 def known_logs() -> list[KnownLog]:

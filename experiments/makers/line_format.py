@@ -9,9 +9,9 @@ from .maker import FormatMark, PointNames
 
 if TYPE_CHECKING:
     from ...model.files.plan import Plan
+    from .format_options import ProgramMotion
+    from .import_jobs import Imported, ImportJob, TaughtPoint
     from .line_language import LineLanguage
-    from .options import ProgramMotion
-    from .recordings import Imported, ImportJob, TaughtPoint
 
 Named = Callable[[str, "list[TaughtPoint]"], "list[TaughtPoint]"]
 

@@ -17,8 +17,8 @@ from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import Robot
 from ..plans.constraints import require_constraints
+from .format_options import ProgramMotion
 from .maker import PlanProgram, one_line, plan_programs, require_vendor
-from .options import ProgramMotion
 
 LOG = "zerobeam posture"  # what a line of a program's log begins with, before number, unit and values
 LOG_PLAN = "zerobeam plan"  # … and the line that says of which plan it is

@@ -24,9 +24,9 @@ from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import read_bytes
 from ...words.wording import listed
 from .calibration import NO_ROBOT, RobotCalibration
+from .format_options import ProgramOptions
 from .line_programs import for_correction
 from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
-from .options import ProgramOptions
 from .plan_programs import require_axes
 from .program_parts import Edit, Language, Parsed, ProgramFacts, RequiredPose, Source
 from .solving import Arms, CorrectedTarget, Corrections, correct_targets, up_to_flange

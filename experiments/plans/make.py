@@ -14,7 +14,7 @@ from ...analysis.acceptance.acceptance import LackingTest, lacking_test
 from ...analysis.observability.check import Check
 from ...model.arrays import Progress
 from ...model.errors import BadInput
-from ...model.files.arguments import checked
+from ...model.files.from_arrays import checked
 from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import Means, Plan, read_plan, write_plan
 from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
@@ -22,7 +22,7 @@ from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
 from ...model.kinematics.robot import Robot
 from ...words import numbers
-from ...words.acceptance import lacking_test_sentence
+from ...words.acceptance_words import lacking_test_sentence
 from ...words.observability import no_plan_sentence, power_sentences
 from .candidates import CandidatePostures, Planned, candidates, pools_in_words
 from .constraints import View, check_plan

@@ -11,7 +11,7 @@ import numpy as np
 from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.observability.identifiability import identify, rank
+from ...analysis.observability.identifiability import identify
 from ...analysis.observability.outlook import mounted_spread, predicted_std, typical
 from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
 from ...model.arrays import Index, Matrix
@@ -141,7 +141,7 @@ class Planner:
         step = len(self._postures) // _SEVERAL if len(pools) > 1 else 1  # some of every pool
         several = self._problem.select(np.arange(len(self._postures))[:: max(step, 1)][:_SEVERAL])
         self._unnoticed = tuple(
-            each for each in powers(several, self._x, rank(several, self._x)) if each.harmful
+            each for each in powers(several, self._x, identify(several, self._x)) if each.harmful
         )
 
     def _with_ties(self, whitened: Whitened) -> Matrix:
@@ -278,7 +278,7 @@ class Planner:
             travel_s=travel if all(j.speed is not None for j in self._robot.joints) else None,
             candidates=len(self._postures),
             converged=chosen.converged,
-            power=powers(measurements, x, identify(measurements, x).facts.rank),
+            power=powers(measurements, x, identify(measurements, x)),
             unnoticed=self._unnoticed,
         )
 

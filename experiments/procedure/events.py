@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import Annotated, ClassVar
 
-from ...analysis.answer.message import Message
-from ...analysis.observability.geometry import GeometryResult
+from ...analysis.answer.answer_message import Message
+from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
 from ...model.records import if_any, record

@@ -15,7 +15,7 @@ from ...model.kinematics.transforms import pose_of
 from ...model.parsing.reading import did_you_mean
 from .amplifier import MOST_SAMPLES, REQUESTS, Amplifier, PsdSample, sample_line, with_checksum
 from .camera import Camera, Image
-from .pictures import open_camera
+from .opencv_pictures import open_camera
 from .psd import BRIGHTEST, PAIR_LIGHT, Psd
 from .sensors_file import (
     CameraBeside,

@@ -18,7 +18,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.files.whole_file import Closing
 from .amplifier import IDENTITY, LONGEST, MOST_SAMPLES, PsdSample, parse_request, sample_line, with_checksum
-from .interface import Sensors
+from .controller_sensors import Sensors
 from .sensors_file import read_calibration
 
 _POLL_S = 0.02

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import JsonValue, TypeAdapter
+from pydantic import JsonValue
 from scipy import special, stats
 
 from ...analysis.status import Status, require_no_more_than
 from ...analysis.status import versions as installed_versions
+from ...model import records
 from ...model.arrays import Matrix
 from ...model.likelihood.problem import Problem
 
@@ -117,8 +118,7 @@ def require_sound(subject: str, control: bool, parameters: Iterable[ObservedPara
 
 def to_json(answer: StudyAnswer) -> dict[str, JsonValue]:
     """The content of `study.json`."""
-    content = TypeAdapter(type(answer)).dump_python(answer, mode="json", by_alias=True)
-    return {"schema": SCHEMA, **content}
+    return {"schema": SCHEMA, **records.to_json(answer)}
 
 
 def accuracy(error: Matrix, std: Matrix) -> ErrorStatistics:

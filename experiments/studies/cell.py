@@ -34,7 +34,7 @@ from .answer import (
     require_sound,
 )
 from .campaign import CellRun, Repeated, campaign, seeds_of
-from .case_store import each_case, heading_of
+from .cases import each_case, heading_of
 from .data_sets import with_half_the_noise
 from .laser_plans import (
     MEASUREMENTS,

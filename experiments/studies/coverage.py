@@ -42,7 +42,7 @@ from .answer import (
     held_share,
     require_sound,
 )
-from .case_store import each_piece, heading_of
+from .cases import each_piece, heading_of
 from .data_sets import (
     DataSets,
     Estimates,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.files.arguments import Laser
+from ...model.files.from_arrays import Laser
 from ...model.files.header import EXACT, Header
 from ...model.files.robot_file import load_robot
 from ...model.kinematics.robot import Robot

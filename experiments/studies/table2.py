@@ -25,7 +25,7 @@ from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, CellFile
 from .answer import StudyAnswer
 from .campaign import Repeated, campaign, seeds_of
-from .case_store import each_case, heading_of
+from .cases import each_case, heading_of
 from .cell import CANDIDATES, optimal_plan, paper_plan
 from .laser_plans import MEASUREMENTS, laser_header
 

@@ -22,7 +22,7 @@ from ...analysis.ladder import solve_run
 from ...analysis.observability.changes import RunChange
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix, Progress
-from ...model.files.arguments import Laser
+from ...model.files.from_arrays import Laser
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
 from ...model.instruments.flange_tool import flange_tool
@@ -31,7 +31,7 @@ from ...words.wording import listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
 from .answer import StudyAnswer
-from .case_store import each_piece, heading_of
+from .cases import each_piece, heading_of
 from .wrong_arms import Course, recorded, typical
 from .wrong_scenarios import Scenario, scenarios
 

@@ -18,7 +18,7 @@ from ..errors import BadInput
 from ..kinematics.robot import Robot
 from ..parsing.reading import Document, read_yaml, require_schema
 from ..parsing.validation import validate
-from .arguments import (
+from .from_arrays import (
     Laser,
     Noise,
     Probe,

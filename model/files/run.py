@@ -30,7 +30,7 @@ from ..parsing.reading import (
     require_schema,
 )
 from ..parsing.validation import validate
-from .arguments import (
+from .from_arrays import (
     Laser,
     Noise,
     Probe,

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-LONGEST_S = 300.0  # the largest kernels take seconds, on a machine that does much else more than a minute
+LONGEST_S = 300.0  # the largest kernels take a few seconds, on a busy machine a minute and more
 
 _stuck: set[str] = set()  # compilers that did not end: nobody waits for them twice
 

@@ -31,8 +31,8 @@ from ..style.blocks import (
 )
 from ..style.blocks import Verdict as Headline
 from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
-from ..style.console import VERDICT_STYLE, note, print_block
 from ..style.palette import light
+from ..style.rich_console import VERDICT_STYLE, note, print_block
 
 _MOST_ROWS = 1000
 _MOST_NAMED = 200

@@ -30,7 +30,7 @@ from ...experiments.batch import (
     shown_path,
 )
 from ...experiments.processes import side_by_side
-from ...experiments.studies.case_store import CaseStore
+from ...experiments.studies.cases import CaseStore
 from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import Run, read_run

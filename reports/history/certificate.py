@@ -34,8 +34,8 @@ from ...words.provenance import (
     provenance_entry,
     traced,
 )
+from ..acceptance.acceptance_folder import read_acceptance
 from ..output.whole_folder import Kind, write_folder, write_page
-from ..verification.verification_folder import read_verification
 from .certificate_page import SIGNED, certificate_page
 
 if TYPE_CHECKING:
@@ -66,10 +66,10 @@ class SignatureVerification(JsonDocument):
 
 
 def certificate_json(
-    result: StoredResult, answer: Json, fingerprint: str, issued: date, verification: Json | None = None
+    result: StoredResult, answer: Json, fingerprint: str, issued: date, acceptance: Json | None = None
 ) -> Json:
     """The certificate of a result for the key of this fingerprint; `answer` is the whole result,
-    `verification` what `read_verification` gives.
+    `acceptance` what `read_acceptance` gives.
 
     BadInput for a misfit, for a fit that did not converge, where no offset is determined, and where something
     else speaks against the result. What the data
@@ -96,7 +96,7 @@ def certificate_json(
         "intervals": _intervals(answer),
         "as_found": {"tcp": (answer.get("enter") or {}).get("tcp_before")},
         "expected": {"tcp": (answer.get("enter") or {}).get("tcp_after")},
-        "as_left": None if verification is None else _as_left(verification),
+        "as_left": None if acceptance is None else _as_left(acceptance),
         "conformity": answer.get("conformity"),
         "assumed": _assumed(answer),
         "misfit": answer["misfit"],
@@ -165,16 +165,16 @@ def _coverage_factor(offsets: list[Json]) -> float:
     return float((high - low) / 2 / row["std"])
 
 
-def _as_left(verification: Json) -> Json:
+def _as_left(acceptance: Json) -> Json:
     """The error measured with the corrected robot, and the verdict of the acceptance test."""
-    measured = verification["measured"]
-    provenance = by_plain_key(verification["run"].get("provenance") or {})
+    measured = acceptance["measured"]
+    provenance = by_plain_key(acceptance["run"].get("provenance") or {})
     return {
-        **{key: verification[key] for key in ("verdict", "measurements", "dof", "p_value", "false_alarm")},
-        "power_required": verification["power_required"],
+        **{key: acceptance[key] for key in ("verdict", "measurements", "dof", "p_value", "false_alarm")},
+        "power_required": acceptance["power_required"],
         "error_mm": {key: measured[key] for key in ("before", "after", "noise_mm")},
-        "run": verification["run"]["file"],
-        "sha256": verification["run"]["sha256"],
+        "run": acceptance["run"]["file"],
+        "sha256": acceptance["run"]["sha256"],
         "measured_on": provenance_entry(provenance, KEYS[DATE]) or None,
     }
 
@@ -280,16 +280,16 @@ def write_certificate(
     answer: Json,
     key: Ed25519PrivateKey,
     issued: date,
-    verification: Path | None = None,
+    acceptance: Path | None = None,
 ) -> str:
     """Write the certificate of a result, signed by `key`; returns the key's fingerprint.
 
-    `answer` is the whole result, `verification` the folder of the acceptance test of the corrected robot.
+    `answer` is the whole result, `acceptance` the folder of the acceptance test of the corrected robot.
     Raises BadInput where it cannot be certified, or where `folder` is a file, is not ours, or cannot be
     written.
     """
     by = fingerprint(key.public_key())
-    verified = None if verification is None else read_verification(verification, result.sha256)
+    verified = None if acceptance is None else read_acceptance(acceptance, result.sha256)
     certificate = certificate_json(result, answer, by, issued, verified)
 
     def fill(new_folder: Path) -> None:

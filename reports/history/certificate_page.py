@@ -10,14 +10,14 @@ from ...analysis.status import known
 from ...experiments.history.signing import grouped
 from ...model.instruments.registry import kind_of
 from ...words import numbers
-from ...words.acceptance import ACCEPTANCE_WORDS, RULE
-from ...words.geometry import tolerance_words
+from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
+from ...words.geometry_words import tolerance_words
 from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import NOT_DETERMINED, clipped, counted, ended, label, listed, sentence, shown
 from ..run.inputs import flat
-from ..run.parameters import NO_NUMBER, OFFSETS, legend
+from ..run.parameter_section import NO_NUMBER, OFFSETS, legend
 from ..style.blocks import (
     Block,
     Cell,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from ...analysis.drift.drift import Jump, Undecided
-from ...analysis.drift.instruments import Bias
+from ...analysis.drift.instrument_biases import Bias
 from ...experiments.history.arm_drift import ArmDrift, DatedChange, DriftingOffset, Rate
 from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, InstrumentJump, ModelWalk
 from ...words import numbers

@@ -16,19 +16,19 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, CheckedParameter
-from ...analysis.observability.geometry import GeometryResult
+from ...analysis.observability.geometry_result import GeometryResult
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.whole_file import write_whole
 from ...words import numbers
-from ...words.geometry import check_lines
+from ...words.geometry_words import check_lines
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines, rank_facts
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
 from ...words.wording import clipped, counted, label, listed, person, sentence, shown
 from ..output.html import Turnable, html
-from ..run.parameters import legend, reasons, worth_column
+from ..run.parameter_section import legend, reasons, worth_column
 from ..run.unobservable import direction_words, tolerance_only
 from ..scenes.scene import Placed, Posed, Scene3D, axes_of, floor_of
 from ..scenes.turnable import MOST_DRAWN, turnable

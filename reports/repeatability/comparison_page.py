@@ -38,8 +38,8 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture, new_figure, style, to_svg
-from ..style.console import VERDICT_STYLE, print_block
 from ..style.palette import SHAPES, light
+from ..style.rich_console import VERDICT_STYLE, print_block
 from ..style.typeface import in_font
 
 if TYPE_CHECKING:

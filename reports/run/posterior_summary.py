@@ -15,7 +15,7 @@ from ...analysis.solution import ParameterResult
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...words import numbers
-from ...words.findings import posterior_message
+from ...words.finding_words import posterior_message
 from ...words.numbers import unit_of
 from ...words.wording import counted, ended, label, sentence
 from ..style.blocks import Cell, Facts, FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of

@@ -17,20 +17,20 @@ from ..output.whole_folder import Kind, write_folder, write_page
 from ..scenes.turnable import STILL, still_picture
 from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
-from .fit import (
+from .fit_section import (
     diagnosis_section,
     fit_section,
     hold_out_section,
     intervals_section,
     robust_section,
 )
-from .geometry import geometry_section, ladder_picture
+from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
-from .next_steps import next_steps_section
-from .parameters import offsets_picture, offsets_section, rehearsal_section
-from .placements import placements_picture, placements_section
+from .next_steps_section import next_steps_section
+from .parameter_section import offsets_picture, offsets_section, rehearsal_section
+from .placement_section import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
-from .predicted_run import predicted_run_picture, predicted_run_section
+from .predicted_run_section import predicted_run_picture, predicted_run_section
 from .residual_map import residual_map_picture
 from .residuals import residuals_picture, residuals_section
 from .run_scene import run_turnable, scene_section

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ...analysis.answer.result import Result
-from ...analysis.diagnostics.scene import RunScene, SceneTarget
+from ...analysis.diagnostics.scene_data import RunScene, SceneTarget
 from ...model.arrays import Matrix
 from ...model.instruments.kind import Instrument
 from ...words import numbers

@@ -11,7 +11,7 @@ from ...model.instruments.kind import Instrument
 from ...words import numbers
 from ...words.wording import label, listed
 from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from .parameters import reasons
+from .parameter_section import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others
 MOST_SOURCES = 12

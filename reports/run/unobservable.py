@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
-from ...words.geometry import geometry_title
+from ...words.geometry_words import geometry_title
 from ...words.observability import combination_words, direction_kind, direction_remedy, rank_facts, reason
 from ...words.wording import NOT_DETERMINED, be, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
-from .parameters import ParameterRow
+
+if TYPE_CHECKING:
+    from .parameter_section import JudgedParameter
 
 
-def unobservable_section(parameters: Sequence[ParameterRow], facts: Identifiability) -> Section:
+def unobservable_section(parameters: Sequence[JudgedParameter], facts: Identifiability) -> Section:
     """The section of a report."""
     tolerated = [row for row in parameters if row.tolerated]
     others = [row for row in parameters if not row.tolerated]
@@ -27,7 +30,7 @@ def unobservable_section(parameters: Sequence[ParameterRow], facts: Identifiabil
     )
 
 
-def tolerance_only(parameters: Sequence[ParameterRow]) -> str | None:
+def tolerance_only(parameters: Sequence[JudgedParameter]) -> str | None:
     """How many tolerated parameters are known by their tolerances only; None where there is none."""
     free = [row for row in parameters if row.tolerated and not row.held]
     count = sum(not known(row.status) for row in free)
@@ -38,7 +41,7 @@ def tolerance_only(parameters: Sequence[ParameterRow]) -> str | None:
     return f"{count} of {counted(len(free), 'parameter')} of {of} {verb} known by {its} tolerances only."
 
 
-def _sentence(parameters: Sequence[ParameterRow], directions: Sequence[NullDirection], what: str) -> str:
+def _sentence(parameters: Sequence[JudgedParameter], directions: Sequence[NullDirection], what: str) -> str:
     lost = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
-from ...analysis.diagnostics.enter import TcpError
+from ...analysis.diagnostics.values_to_enter import TcpError
 from ...words import numbers
 from ...words.enter import enter_sentence, error_words
-from ...words.findings import accuracy_reason, tcp_words
+from ...words.finding_words import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import DASHES, WIDTH, Picture, new_figure, style, to_svg

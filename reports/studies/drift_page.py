@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...experiments.studies.drift import DriftStudy, Power
+from ...experiments.studies.drift_coverage import DriftStudy, Power
 from ...words import numbers
 from ..style.blocks import FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ...experiments.studies.geometry import (
+from ...experiments.studies.geometry_coverage import (
     CheckedOffset,
     GeometryEstimator,
     GeometryParameter,

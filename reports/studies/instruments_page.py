@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ...experiments.studies.instruments import InstrumentsStudy, SetupCase, SetupPlan
+from ...experiments.studies.instrument_choice import InstrumentsStudy, SetupCase, SetupPlan
 from ...words import numbers
 from ...words.wording import label
 from ..style.blocks import FigureBlock, Head, Page, Paragraph, Table, row_of, section_of, table_of

@@ -11,7 +11,7 @@ from rich.text import Text
 from ...experiments.studies.answer import StudyAnswer
 from ...experiments.studies.coverage import CoveragePlan, CoverageStudy, Estimator
 from ...words.wording import clipped, counted, label, listed, sentence, shown
-from ..style.console import LONGEST_NAME, MARK, STYLE, marked, note, print_block
+from ..style.rich_console import LONGEST_NAME, MARK, STYLE, marked, note, print_block
 from .coverage_page import OVERVIEW, comparison
 from .kinds import study_page
 from .study_blocks import (

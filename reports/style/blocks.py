@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...analysis.answer.message import Message
+from ...analysis.answer.answer_message import Message
 from ...words.numbers import NO_BREAK
 
 _PHONE, _MARK = 49, 2  # letters of a phone's line, of a mark

@@ -12,15 +12,15 @@ from rich.text import Text
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
-from ...words.geometry import worth_sentence
+from ...words.geometry_words import worth_sentence
 from ...words.judgement import verdict_words
 from ...words.message import judged, message
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
-from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
-from ..run.geometry import geometry_lines
-from ..run.next_steps import next_steps_section
-from ..run.parameters import (
+from ..run.fit_section import diagnosis_section, hold_out_section, intervals_section, robust_section
+from ..run.geometry_section import geometry_lines
+from ..run.next_steps_section import next_steps_section
+from ..run.parameter_section import (
     NO_NUMBER,
     errors_sentence,
     offsets_caption,
@@ -31,12 +31,12 @@ from ..run.parameters import (
     truth_table,
     worth_column,
 )
-from ..run.placements import placements_lines
+from ..run.placement_section import placements_lines
 from ..run.posterior_summary import posterior_sentence
-from ..run.predicted_run import predicted_run_section
+from ..run.predicted_run_section import predicted_run_section
 from ..style import blocks
-from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
-from .check import print_commands, print_directions, print_message, print_notes, print_verdict
+from ..style.rich_console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
+from .check_terminal import print_commands, print_directions, print_message, print_notes, print_verdict
 
 if TYPE_CHECKING:
     from ...experiments.plans.make import MadePlan

@@ -33,7 +33,7 @@ from ...experiments.procedure.events import (
 )
 from ...words import numbers
 from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
-from ..style.console import STYLE
+from ..style.rich_console import STYLE
 from .answers import contradicted
 
 _REDRAWN = 8  # times a second

@@ -12,7 +12,7 @@ from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.findings import likelihood_message, notes
+from zerobeam.words.finding_words import likelihood_message, notes
 from zerobeam.words.message import headline
 from zerobeam.words.sentences import to_json
 

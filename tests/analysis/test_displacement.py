@@ -10,13 +10,13 @@ from scipy import stats
 
 from zerobeam.analysis.displacement import Displacement, displacement, displacements, left_over
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.observability.geometry import link_columns
+from zerobeam.analysis.observability.geometry_result import link_columns
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.geometry import NOMINAL
 from zerobeam.model.likelihood.parameters import Parameters
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit import displacement_sentence
+from zerobeam.words.misfit_words import displacement_sentence
 
 CHANCE = 1e-3
 

@@ -45,7 +45,7 @@ from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit import criterion_sentence
+from zerobeam.words.misfit_words import criterion_sentence
 
 PLACES = {
     "left_a": (700.0, 250.0, 450.0),

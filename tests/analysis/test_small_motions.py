@@ -9,7 +9,7 @@ from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation import climb
 from zerobeam.analysis.estimation.climb import Climb
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.words.findings import predicted_run_message
+from zerobeam.words.finding_words import predicted_run_message
 
 
 @pytest.mark.parametrize(

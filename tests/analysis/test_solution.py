@@ -14,7 +14,7 @@ from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelih
 from zerobeam.analysis.observability.causes import LocalOptima
 from zerobeam.analysis.solution import EQUALLY_GOOD, judge, undecided_names
 from zerobeam.model.arrays import Matrix
-from zerobeam.words.findings import finding_sentence
+from zerobeam.words.finding_words import finding_sentence
 from zerobeam.words.observability import direction_kind, reason, remedy
 
 

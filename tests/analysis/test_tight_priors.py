@@ -17,7 +17,7 @@ from zerobeam.analysis.misfit import Misfit
 from zerobeam.analysis.solution import judge
 from zerobeam.analysis.tight_priors import TightPrior, tight_priors, tolerance_groups
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit import criterion_sentence, larger_tolerance
+from zerobeam.words.misfit_words import criterion_sentence, larger_tolerance
 
 JOINT_DEG = 0.003
 GEOMETRY = {"gravity": True, "harmonics": True, "masses_kg": [150, 60, 40, 20, 8, 4]}

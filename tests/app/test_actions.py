@@ -13,7 +13,7 @@ from cells import pattern_plan
 from command_line import plan_file
 from starlette.testclient import TestClient
 
-from zerobeam.analysis.answer.message import Action
+from zerobeam.analysis.answer.answer_message import Action
 from zerobeam.app.server.answers.actions import action_of_result
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import job_command

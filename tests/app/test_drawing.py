@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from node import drawn
 
-from zerobeam.app.server.answers.robots import MOST_TRIANGLES
+from zerobeam.app.server.answers.robot_library import MOST_TRIANGLES
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
 

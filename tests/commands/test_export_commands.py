@@ -17,7 +17,7 @@ from zerobeam.experiments.makers.abb.rapid_program import rapid_text
 from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, document, json_text
 from zerobeam.experiments.makers.generic.robot_rows import robot_text
-from zerobeam.experiments.makers.generic.urdf import urdf_text
+from zerobeam.experiments.makers.generic.urdf_export import urdf_text
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.kernel import compiled_at_once

@@ -13,7 +13,7 @@ from cells import good_plan
 from command_line import Answer, plan_file, zerobeam
 
 from zerobeam.experiments.recording import Answers, RunRequest, record
-from zerobeam.experiments.rigs.manual.lines import WatchedLines
+from zerobeam.experiments.rigs.manual.line_sources import WatchedLines
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import BUILT_IN

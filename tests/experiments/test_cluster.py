@@ -19,8 +19,8 @@ from zerobeam.experiments.cluster import about, cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side, worked
 from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.coverage import studied_plans
-from zerobeam.experiments.studies.drift import drift_study
-from zerobeam.experiments.studies.geometry import _piece
+from zerobeam.experiments.studies.drift_coverage import drift_study
+from zerobeam.experiments.studies.geometry_coverage import _piece
 from zerobeam.model.errors import BadInput, WorkersLost
 
 distributed = pytest.importorskip("distributed")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from histories import a_result, write_result
 
-from zerobeam.analysis.answer.message import May
+from zerobeam.analysis.answer.answer_message import May
 from zerobeam.analysis.covariance import OffsetsWithoutPrior
 from zerobeam.experiments.history.arm_drift import arm_drift
 from zerobeam.experiments.history.content import Event, StoredResult

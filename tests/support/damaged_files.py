@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from zerobeam.experiments.makers.import_jobs import ImportJob
 from zerobeam.experiments.makers.line_language import LineLanguage
 from zerobeam.experiments.makers.line_programs import for_correction
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.program_parts import JointTarget, ProgramFacts, Source
-from zerobeam.experiments.makers.recordings import ImportJob
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.kinematics.robot import Robot

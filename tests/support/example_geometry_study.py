@@ -10,7 +10,7 @@ from example_results import HOSTILE_NAMES
 from scipy.stats import chi2
 
 from zerobeam.experiments.studies.answer import NoiseLevel, held_share
-from zerobeam.experiments.studies.geometry import (
+from zerobeam.experiments.studies.geometry_coverage import (
     CheckedOffset,
     EstimatorName,
     GeometryEstimator,

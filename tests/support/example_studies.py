@@ -16,7 +16,7 @@ from scipy.stats import binomtest, chi2, norm
 from zerobeam.experiments.studies.answer import StudyAnswer, share_interval
 from zerobeam.experiments.studies.cell import CellStudy
 from zerobeam.experiments.studies.coverage import CoverageStudy
-from zerobeam.experiments.studies.geometry import GeometryStudy
+from zerobeam.experiments.studies.geometry_coverage import GeometryStudy
 from zerobeam.experiments.studies.table2 import Table2Study
 
 Json = dict[str, Any]

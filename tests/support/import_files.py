@@ -9,9 +9,9 @@ from zerobeam.experiments.makers import joint_text
 from zerobeam.experiments.makers.abb import rapid_points
 from zerobeam.experiments.makers.fanuc import tp_points
 from zerobeam.experiments.makers.generic import csv_file, ros
+from zerobeam.experiments.makers.import_jobs import Imported, ImportJob
 from zerobeam.experiments.makers.kuka import krl_points
 from zerobeam.experiments.makers.maker import makers
-from zerobeam.experiments.makers.recordings import Imported, ImportJob
 
 LAYOUTS = {log.name: log.layout for maker in makers() for log in maker.logs}
 

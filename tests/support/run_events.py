@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from zerobeam.analysis.answer.message import Action, Message, WorstOffset
+from zerobeam.analysis.answer.answer_message import Action, Message, WorstOffset
 from zerobeam.analysis.solution import ParameterResult
 from zerobeam.experiments.procedure import events
 from zerobeam.experiments.procedure.events import RunEvent, event_json

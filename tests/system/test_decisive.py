@@ -40,7 +40,7 @@ from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run import report as report_folder
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result, print_side_by_side
-from zerobeam.reports.terminal.check import print_check
+from zerobeam.reports.terminal.check_terminal import print_check
 from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())

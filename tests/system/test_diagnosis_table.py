@@ -19,7 +19,7 @@ from zerobeam.analysis.diagnostics.diagnosis import Explanation
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.commands.console import EXIT_STATUS
 from zerobeam.words.message import headline
-from zerobeam.words.misfit import explanation_sentence
+from zerobeam.words.misfit_words import explanation_sentence
 from zerobeam.words.numbers import times
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "diagnosis.md"

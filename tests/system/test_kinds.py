@@ -26,7 +26,7 @@ from zerobeam.model.files.run import read_run
 from zerobeam.model.instruments.ballbar import Ballbar
 from zerobeam.model.instruments.tracker import Tracker
 from zerobeam.model.kinematics.transforms import rotation_about
-from zerobeam.reports.run.fit import fit_section
+from zerobeam.reports.run.fit_section import fit_section
 from zerobeam.reports.run.uncertainty_budget import source_words
 
 OFFSETS = np.radians([0.0, 0.4, -0.3, 0.5, -0.2, 0.3])

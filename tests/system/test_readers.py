@@ -20,7 +20,7 @@ from zerobeam.analysis.repeatability.repeats import read_table
 from zerobeam.analysis.repeatability.result_files import read_result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
-from zerobeam.experiments.makers.generic import tables as table
+from zerobeam.experiments.makers.generic import text_tables as table
 from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.plans.obstacles import read_obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell

@@ -27,9 +27,9 @@ from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.run.fit import fit_section
+from zerobeam.reports.run.fit_section import fit_section
 from zerobeam.reports.style.blocks import Paragraph
-from zerobeam.words.fit import hold_out_sentences
+from zerobeam.words.fit_words import hold_out_sentences
 from zerobeam.words.sentences import to_json
 
 Row = dict[str, Any]

@@ -186,3 +186,12 @@ def test_no_other_python_file_stands_at_the_root() -> None:
 
 def test_a_module_is_named_for_what_it_is() -> None:
     assert [str(module) for module in modules() if module.stem in EMPTY_NAMES] == []
+
+
+def test_a_file_name_stands_once() -> None:
+    names = Counter(module.name for module in modules() if module.name != "__init__.py")
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_no_file_of_the_product_is_called_a_test() -> None:
+    assert [str(module) for module in modules() if re.search(r"^test_|_test$", module.stem)] == []

@@ -10,7 +10,7 @@ import pytest
 
 import zerobeam as zb
 from zerobeam.analysis.answer.result import Result
-from zerobeam.analysis.diagnostics.enter import Conformity, Entered, TcpError
+from zerobeam.analysis.diagnostics.values_to_enter import Conformity, Entered, TcpError
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.words import numbers
 from zerobeam.words.enter import (

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import pytest
 
 from zerobeam.analysis.estimation.tolerance_factors import Factors
-from zerobeam.analysis.observability.geometry import Confounded, GeometryResult, Rung
-from zerobeam.words.geometry import (
+from zerobeam.analysis.observability.geometry_result import Confounded, GeometryResult, Rung
+from zerobeam.words.geometry_words import (
     confounded_sentence,
     factors_sentence,
     rung_reason,

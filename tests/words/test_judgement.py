@@ -15,11 +15,11 @@ from command_line import zerobeam
 from rich.console import Console
 
 import zerobeam as zb
+from zerobeam.analysis.answer.answer_message import May
 from zerobeam.analysis.answer.findings import Finding, HeldOutMisfit, OtherBasins, Outlying
-from zerobeam.analysis.answer.message import May
 from zerobeam.analysis.answer.result import Result, parse_result
-from zerobeam.app.server.answers.history import history
 from zerobeam.app.server.answers.home import home
+from zerobeam.app.server.answers.run_history import history
 from zerobeam.app.server.folder import Folder
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.header import Header
@@ -27,7 +27,7 @@ from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps
 from zerobeam.reports.batch.carried_out import BatchRun, _row
 from zerobeam.reports.run.report import report_page
-from zerobeam.reports.style.console import VERDICT_STYLE
+from zerobeam.reports.style.rich_console import VERDICT_STYLE
 from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.words.judgement import judgement, read_judgement
 from zerobeam.words.message import judged, message

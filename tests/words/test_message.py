@@ -17,8 +17,8 @@ from cells import TABLE_2, good_plan, pattern_plan, run_of, simulated
 from rich.console import Console
 
 import zerobeam as zb
+from zerobeam.analysis.answer.answer_message import Message
 from zerobeam.analysis.answer.findings import FileWarning, HeldOutMisfit, OtherBasins, Outlying
-from zerobeam.analysis.answer.message import Message
 from zerobeam.analysis.displacement import Displacement
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.causes import Held

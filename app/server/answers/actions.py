@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from ....analysis.answer.message import Action
+from ....analysis.answer.answer_message import Action
 from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput

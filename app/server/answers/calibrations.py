@@ -36,7 +36,7 @@ from ..job_commands import job_command
 from ..requests import Content, Refused, end_point, refused
 from ..versions import version_of
 from .new_folders import new_path
-from .robots import whole_ref
+from .robot_library import whole_ref
 
 _EXAMPLE = "example"
 _SEED = "--seed=0"

@@ -29,8 +29,8 @@ from ..kept import Kept
 from ..requests import end_point
 from ..started_runs import StartedRuns
 from .due_dates import DueDate, due_dates
-from .recordings import PLAN_HASH
 from .results import read_result, sha256_of
+from .unfinished_runs import PLAN_HASH
 
 MOST = 1000  # calibrations
 _KEPT = 8000

@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ....experiments.makers import contents as columns_found
-from ....experiments.makers import readings
+from ....experiments.makers import joint_conventions
 from ....experiments.makers.contents import Contents
 from ....experiments.makers.generic.layouts import check_signs
-from ....experiments.makers.generic.tables import TextTable
+from ....experiments.makers.generic.text_tables import TextTable
 from ....experiments.makers.known_logs import read_log
 from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix
@@ -33,7 +33,7 @@ from ..requests import Content, Precondition, Refused, end_point, keyed, noted, 
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from . import contents_process
 from .forms import FormField, form_of
-from .robots import require_robot_inside, rounded, whole_ref
+from .robot_library import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
 _SHOWN = 8  # rows of a table
@@ -103,7 +103,7 @@ class JointColumn:
     recorded: Annotated[Ends | None, it("range of the column; null without one")]
     seen: Annotated[Ends | None, it("range of the joint; null where the unit is not stated")]
     outside: Annotated[int | None, it("rows outside the limits")]
-    sign: readings.Reading | None
+    sign: joint_conventions.Reading | None
 
 
 @record(kw_only=True)
@@ -123,9 +123,9 @@ class ColumnsAnswer:
     whole: Annotated[bool, it("all rows were looked at")]
     joints: list[JointColumn]
     columns: ProposedColumns | None
-    units: readings.Reading | None
-    lengths: readings.Reading | None
-    j3: readings.Reading | None
+    units: joint_conventions.Reading | None
+    lengths: joint_conventions.Reading | None
+    j3: joint_conventions.Reading | None
     first: Annotated[list[list[float | None]], it("the first rows, as joints")]
 
 
@@ -234,10 +234,10 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
     recorded = raw * scale  # NaN where the unit is not stated
     joints = pendant.between_links(recorded * signs)
     outside = beyond_limits(robot, joints)
-    units = readings.unit_reading(robot, pendant.between_links(raw))
-    lengths = readings.length_reading(robot, raw)
-    sign = [None] * robot.n if pendant.ground else readings.sign_readings(robot, recorded)
-    j3 = readings.j3_reading(robot, recorded * signs) if robot.n > 2 else None
+    units = joint_conventions.unit_reading(robot, pendant.between_links(raw))
+    lengths = joint_conventions.length_reading(robot, raw)
+    sign = [None] * robot.n if pendant.ground else joint_conventions.sign_readings(robot, recorded)
+    j3 = joint_conventions.j3_reading(robot, recorded * signs) if robot.n > 2 else None
     return ColumnsAnswer(
         robot=robot.name,
         rows=len(raw),

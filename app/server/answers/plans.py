@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from ....analysis.answer.message import Message
+from ....analysis.answer.answer_message import Message
 from ....analysis.observability.aim import AimedPlan, aim_plan
 from ....analysis.observability.check import Check, Violation, WithoutPosture, without_posture
 from ....experiments.arm_shown import shown_arm
@@ -28,8 +28,8 @@ from ....model.parsing.reading import Document, KeyPath, read_yaml, require_sche
 from ....model.parsing.validation import as_tuple, validate
 from ....model.records import if_any, it, record
 from ....reports.plan.plan_page import postures_of
-from ....reports.run.parameters import worth_column
-from ....words.geometry import check_lines
+from ....reports.run.parameter_section import worth_column
+from ....words.geometry_words import check_lines
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.plan_message import plan_message
 from ....words.sentences import to_json
@@ -38,7 +38,7 @@ from ..folder import Folder
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
-from .robots import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
+from .robot_library import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
 MOST_WITHOUT = 30  # postures that are left out in one answer

@@ -21,7 +21,7 @@ from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
 from ....model.records import it
 from ....words.message import solution_headline
-from ....words.misfit import criterion_sentence
+from ....words.misfit_words import criterion_sentence
 from ....words.sentences import to_json
 from ..folder import Folder
 from ..kept import Kept

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..calibration import RobotCalibration
+from ..format_options import ProgramMotion
 from ..maker import one_line, require_vendor
-from ..options import ProgramMotion
 from ..plan_programs import (
     LOG,
     LOG_PLAN,

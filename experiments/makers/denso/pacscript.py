@@ -18,9 +18,9 @@ from lark import Token, Tree
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import LineLanguage, Statement
 from ..maker import blanked, one_line
-from ..options import ProgramMotion
 from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
 
 _REMARK = r"'[^\n]*|(?i:\brem\b)[^\n]*"

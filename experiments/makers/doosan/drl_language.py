@@ -18,9 +18,9 @@ from ....model.arrays import Matrix
 from ....model.files.plan import Plan
 from ....model.kinematics.branches import Branches
 from ....model.kinematics.robot import Robot
+from ..format_options import ProgramMotion
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import LOG, decimal, head_lines, listed, made_for, steps_of
 
 _ACCELERATION = 20.0  # deg/s2

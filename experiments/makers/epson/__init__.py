@@ -8,7 +8,7 @@ from ..maker import Maker, OffsetFile, PlanProgram, ProgramFiles, Reader, requir
 if TYPE_CHECKING:
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..recordings import Imported, ImportJob
+    from ..import_jobs import Imported, ImportJob
 
 _ABOUT = [
     "Calibration sheet for Epson (SPEL+: Calib, which sets Hofs by CalPls). The present values are those",

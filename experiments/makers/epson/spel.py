@@ -11,9 +11,9 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
 from .spel_points import with_points
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..options import ProgramMotion
+    from ..format_options import ProgramMotion
+    from ..import_jobs import Imported, ImportJob, TaughtPoint
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _sheet(

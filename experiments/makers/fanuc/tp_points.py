@@ -9,8 +9,8 @@ from pathlib import Path
 from ....model.errors import BadInput, located
 from ....model.kinematics.robot import J3
 from ....model.parsing.reading import line_numbers
+from ..import_jobs import Imported, ImportJob, TaughtPoint, import_points
 from ..joint_text import PLAN_LINE, required_plan
-from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 
 # FANUC: a listing ends with /POS and blocks like P[3:"comment"]{ GP1: UF : 0, UT : 1, J1= 1.000 deg, … };
 _POSITION = re.compile(

@@ -11,8 +11,8 @@ import re
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.pendant import pendant_of
+from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import LOG_PLAN, decimal, made_for, percents, short_hash, steps_of
 
 AXES = 6

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import decimal, head_lines, made_for, steps_of
 
 _AXES = 7

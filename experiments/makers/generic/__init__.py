@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..options import ProgramMotion
-    from ..recordings import Imported, ImportJob
+    from ..format_options import ProgramMotion
+    from ..import_jobs import Imported, ImportJob
 
 
 def _robot(run: "Run", calibration: "RobotCalibration") -> str:
@@ -36,7 +36,7 @@ def _robot(run: "Run", calibration: "RobotCalibration") -> str:
 
 def _urdf(run: "Run", calibration: "RobotCalibration") -> str:
     """A corrected URDF: offsets, link lengths and angles in the origins of its joints."""
-    from .urdf import urdf_text
+    from .urdf_export import urdf_text
 
     return urdf_text(run, calibration)
 

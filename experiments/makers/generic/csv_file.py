@@ -15,10 +15,10 @@ from ....model.files.limits import like_radians
 from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.kinematics.robot import J3, Robot
 from ....model.parsing.reading import shown
-from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
+from ..import_jobs import FileMeasurements, Imported, ImportJob, uncollected
 from .dwells import JointLog, Mark, Stillness, held
 from .layouts import PER_SECOND, CsvLayout
-from .tables import DELIMITERS, TextTable, columns_of_joints, read_table, reversed_joints
+from .text_tables import DELIMITERS, TextTable, columns_of_joints, read_table, reversed_joints
 
 
 def import_csv(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
 from ....model.kinematics.robot import Robot
-from ..recordings import FileMeasurements
+from ..import_jobs import FileMeasurements
 
 _ROUNDING = 1e-9  # of times: a window of 0.5 s holds 126 readings at 250 Hz, however they are rounded
 _BOUNDS = {"--still-deg": (1e-9, 360.0), "--still-s": (1e-3, 1e6), "--still-mm": (1e-9, 1e6)}

@@ -14,8 +14,8 @@ from ....model.files.plan import Plan
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
 from ....words import spreadsheet
+from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import head_lines, rounded
 
 

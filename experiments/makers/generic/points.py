@@ -22,10 +22,10 @@ from ....model.instruments.pose import put_right
 from ....model.kinematics.orientation import orientation
 from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
-from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
+from ..import_jobs import FileMeasurements, Imported, ImportJob, uncollected
 from .euler import found_order, require_as_stated, rotations
 from .layouts import PER_SECOND, PointLayout
-from .tables import DELIMITERS, TextTable, columns_of_joints, found_delimiter, number, table_of
+from .text_tables import DELIMITERS, TextTable, columns_of_joints, found_delimiter, number, table_of
 
 Unit = Literal["mm", "m", "inch"]
 Level = Literal["1sigma", "95", "none"]

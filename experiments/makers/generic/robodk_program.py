@@ -8,7 +8,7 @@ commanded one, which is no measurement: such a log is marked as a rehearsal, and
 from __future__ import annotations
 
 from ....model.files.plan import Plan
-from ..options import ProgramMotion
+from ..format_options import ProgramMotion
 from ..plan_programs import LOG, LOG_PLAN, REHEARSAL, head_lines, short_hash, steps_of
 
 

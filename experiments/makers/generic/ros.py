@@ -20,10 +20,10 @@ from ....model.errors import BadInput, located
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import did_you_mean, read_text, require_regular, shown
 from ....model.records import it, record
-from ..recordings import FileMeasurements, Imported, ImportJob
+from ..import_jobs import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
 from .dwells import JointLog, Mark, Stillness
-from .tables import columns_of_joints, number
+from .text_tables import columns_of_joints, number
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

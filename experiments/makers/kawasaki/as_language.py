@@ -15,9 +15,9 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import FOLLOW, SIX_WITH_BLANKS, LineLanguage, Statement, tokens
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 
 _LINES = LineLanguage(

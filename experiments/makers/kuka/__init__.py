@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..options import ProgramMotion
+    from ..format_options import ProgramMotion
+    from ..import_jobs import Imported, ImportJob, TaughtPoint
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
     "Mastering sheet for KUKA (KRC). Master in ascending order, A1 before A2 and so on: the motor of A4",

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ....model.errors import BadInput, located
 from ....model.parsing.reading import line_numbers, shown
+from ..import_jobs import Imported, ImportJob, TaughtPoint, import_points
 from ..maker import blanked
-from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 
 # KUKA: DECL E6AXIS XP1={A1 -90.0,A2 …,E6 0.0}, or P[1]={E6AXIS: A1 …} of an array: an aggregate of KRL that
 # begins with an axis is an axis position, one that begins with X is Cartesian.

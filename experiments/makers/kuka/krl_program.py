@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ..options import ProgramMotion
+from ..format_options import ProgramMotion
 from ..plan_programs import LOG_PLAN, PlanStep, decimal, head_lines, made_for, percents, short_hash, steps_of
 
 AXES = 6

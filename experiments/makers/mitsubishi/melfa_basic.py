@@ -15,9 +15,9 @@ from lark import Token, Tree
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import SIX_WITH_COMMAS, LineLanguage
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 
 _DIGITS = 2  # of the values of a program that the controller saves

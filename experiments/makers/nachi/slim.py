@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.parsing.reading import line_numbers
+from ..format_options import ProgramMotion
+from ..import_jobs import TaughtPoint
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
-from ..recordings import TaughtPoint
 from ..taught_positions import named_by_remarks
 
 SLIM = LineLanguage(

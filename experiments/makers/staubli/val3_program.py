@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import LOG_PLAN, decimal, head_lines, made_for, percents, short_hash, steps_of
 
 _NAME = re.compile(r"[A-Za-z]\w{0,14}")

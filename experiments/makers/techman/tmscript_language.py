@@ -11,9 +11,9 @@ from __future__ import annotations
 import re
 
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import head_lines, listed, made_for, percents, steps_of
 from ..program_parts import NUMBER
 

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
+    from ..format_options import ProgramMotion
     from ..generic.layouts import CsvLayout
-    from ..options import ProgramMotion
+    from ..import_jobs import Imported, ImportJob
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
 
 _ABOUT = [
     "Joint zero procedure for Universal Robots, by the joint calibration of your series' service",

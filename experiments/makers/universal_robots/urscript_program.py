@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import LOG, LOG_PLAN, PlanStep, decimal, head_lines, made_for, short_hash, steps_of
 
 AXES = 6

@@ -21,12 +21,12 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.pendant import Pendant
+from ..format_options import ProgramMotion
+from ..import_jobs import TaughtPoint
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..options import ProgramMotion
 from ..plan_programs import head_lines, made_for, percents, steps_of
 from ..program_parts import NUMBER
-from ..recordings import TaughtPoint
 from ..taught_positions import named_by_remarks
 
 _HALF_TURN = [0, 3, 5]  # S, R, T

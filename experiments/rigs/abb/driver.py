@@ -20,7 +20,7 @@ from ....model.errors import BadInput, RigFault
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ...sensors.camera import Image
-from ...sensors.interface import Sensors
+from ...sensors.controller_sensors import Sensors
 from .access import Caution, ControllerAccess, require_six_axes
 from .egm_client import Guidance
 from .rws_client import Session

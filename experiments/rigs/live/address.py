@@ -13,7 +13,7 @@ from ....model.kinematics.pendant import Pendant
 from ....model.parsing.reading import did_you_mean
 from ...makers.maker import vendor_of
 from .at_rest import JointsAtRest
-from .interface import JointsRefused, LiveAddress, LiveJoints
+from .joint_client import JointsRefused, LiveAddress, LiveJoints
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def _fanuc() -> Callable[[LiveAddress, Pendant], LiveJoints]:
 
 
 def _ros() -> Callable[[LiveAddress, Pendant], LiveJoints]:
-    from .ros import RosJoints
+    from .rosbridge import RosJoints
 
     return RosJoints
 

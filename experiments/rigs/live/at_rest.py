@@ -16,7 +16,7 @@ from ....interruption import obey
 from ....model.arrays import Matrix
 from ....model.errors import RigFault
 from ....model.kinematics.pendant import Pendant
-from .interface import JointReading, JointsRefused, LinkFault, LiveJoints, OtherArm
+from .joint_client import JointReading, JointsRefused, LinkFault, LiveJoints, OtherArm
 
 PAUSE_S = 0.25
 STILL = 0.002  # deg (mm): below the 0.005 to 0.02 deg that are usual for a joint's noise

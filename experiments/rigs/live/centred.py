@@ -10,7 +10,7 @@ from ....interruption import obey
 from ....model.arrays import Matrix
 from ...procedure.centring import ACCEPTED_MM
 from ...procedure.events import MeasurementRecorded, RunEvent
-from ...sensors.interface import Sensors
+from ...sensors.controller_sensors import Sensors
 from ...sensors.psd import BRIGHTEST, WEAKEST
 
 _SAMPLES = 50

@@ -14,7 +14,7 @@ from contextlib import suppress
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from .interface import JointReading, LinkFault, LiveAddress, OtherArm
+from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
 from .stream import Stream
 
 _JOINTS, _GROUPS = 9, 8

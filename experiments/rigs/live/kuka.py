@@ -17,7 +17,7 @@ import struct
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from .interface import JointReading, LinkFault, LiveAddress
+from .joint_client import JointReading, LinkFault, LiveAddress
 from .stream import Stream
 
 _HEADER, _LENGTH = struct.Struct(">HHB"), struct.Struct(">H")

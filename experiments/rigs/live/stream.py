@@ -5,8 +5,8 @@ from __future__ import annotations
 import socket
 
 from ..bounded import BoundedSocket
-from . import interface
-from .interface import LinkFault
+from . import joint_client
+from .joint_client import LinkFault
 
 _CHUNK = 1 << 16
 _LONGEST = 1 << 20  # bytes of a line: more is no answer
@@ -19,15 +19,15 @@ class Stream:
     def __init__(self, host: str, port: int) -> None:
         self._called = f"{host}, port {port}"
         try:
-            connected = socket.create_connection((host, port), timeout=interface.ANSWER_S)
+            connected = socket.create_connection((host, port), timeout=joint_client.ANSWER_S)
         except OSError as error:
             raise LinkFault(f"no connection to {self._called}: {error.strerror or error}") from None
-        self._socket = BoundedSocket(connected, self._called, LinkFault, interface.ANSWER_S)
+        self._socket = BoundedSocket(connected, self._called, LinkFault, joint_client.ANSWER_S)
         self._rest = bytearray()
 
     def begin(self) -> None:
         """A reading begins: its time, and its bytes."""
-        self._socket.begin(interface.ANSWER_S)
+        self._socket.begin(joint_client.ANSWER_S)
 
     def send(self, content: bytes) -> None:
         try:

@@ -18,7 +18,7 @@ import struct
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from .interface import JointReading, LinkFault, LiveAddress, OtherArm
+from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
 from .stream import Stream
 
 _VERSION, _SETUP, _START, _PAUSE, _DATA = b"V", b"O", b"S", b"P", b"U"

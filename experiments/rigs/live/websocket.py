@@ -12,7 +12,7 @@ import struct
 from itertools import cycle
 
 from ..bounded import LARGEST
-from .interface import LinkFault
+from .joint_client import LinkFault
 from .stream import Stream
 
 _GUID = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # of the standard

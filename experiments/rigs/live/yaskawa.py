@@ -19,8 +19,8 @@ import time
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from . import interface
-from .interface import JointReading, LinkFault, LiveAddress, OtherArm
+from . import joint_client
+from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
 
 _HEADER = struct.Struct("<4sHHBBBBI8s")
 _REQUEST, _ANSWER = struct.Struct("<HHBBH"), struct.Struct("<BBBBHH")
@@ -82,7 +82,7 @@ class YaskawaJoints:
         """The content of the answer to a request without content."""
         self._number = (self._number + 1) % 256
         header = _HEADER.pack(b"YERC", 32, 0, 3, 1, 0, self._number, 0, b"99999999")
-        ends = time.monotonic() + interface.ANSWER_S
+        ends = time.monotonic() + joint_client.ANSWER_S
         try:
             self._socket.send(header + _REQUEST.pack(command, instance, 0, _READ_ALL, 0))
             while (left := ends - time.monotonic()) > 0:

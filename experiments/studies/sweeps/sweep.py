@@ -33,9 +33,8 @@ from ...plans.obstacles import Clearance
 from ...plans.optimal import Planner
 from ...plans.patterns import Line, pattern
 from ..answer import held_share
-from ..case_store import each_piece, heading_of
+from ..cases import each_piece, heading_of
 from ..data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint
-from .findings import findings, headline, notes
 from .grid_answer import (
     CaseParameter,
     GridAxis,
@@ -46,6 +45,7 @@ from .grid_answer import (
     RunErrors,
 )
 from .study_file import TARGET, Case, SettingsStudy
+from .sweep_findings import findings, headline, notes
 
 LEVEL = 0.95
 FALSE_ALARM = 0.01  # probability over the whole study

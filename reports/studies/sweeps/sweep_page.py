@@ -62,7 +62,7 @@ from .grid_words import (
     value_text,
 )
 from .heat_map import map_picture, ratio_picture
-from .lines import lines_picture
+from .line_figure import lines_picture
 
 MOST_ROWS = 60
 _MOST_BEST = 20  # cases of a table that cannot have them all

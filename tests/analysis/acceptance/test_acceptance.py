@@ -16,7 +16,7 @@ from zerobeam.analysis.acceptance.acceptance import (
     accept,
     choose,
 )
-from zerobeam.analysis.diagnostics.enter import values_to_enter
+from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.prediction import Predictor
 from zerobeam.experiments.demos import demo_runs

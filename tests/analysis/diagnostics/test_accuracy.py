@@ -32,7 +32,7 @@ from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.kinematics.dh import DHRow, dh_chain
 from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.density import Density
-from zerobeam.words.findings import accuracy_reason, tcp_words
+from zerobeam.words.finding_words import accuracy_reason, tcp_words
 
 CHANCE = 1e-3  # of a test that is right to fail: two sides together
 

@@ -31,7 +31,7 @@ from zerobeam.model.files.run import Run
 from zerobeam.model.kinematics.dh import along_z
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit import cause_sentence, explanation_sentence
+from zerobeam.words.misfit_words import cause_sentence, explanation_sentence
 
 FAST = {"starts": 0}
 

@@ -23,13 +23,13 @@ from zerobeam.analysis.diagnostics.hold_out import (
 )
 from zerobeam.analysis.displacement import displacement
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.observability.geometry import link_columns
+from zerobeam.analysis.observability.geometry_result import link_columns
 from zerobeam.analysis.placements import Placement, placements
 from zerobeam.analysis.recordings.recordings import effective
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.findings import hold_out_message
+from zerobeam.words.finding_words import hold_out_message
 
 THREE_PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), "psd": (900.0, 0.0, 0.0)}
 LEVEL = 1e-3

@@ -23,7 +23,7 @@ from cells import (
 from measured_arms import CELLS, PLANES, recorded
 from scipy import stats
 
-from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, RunScene, scene
+from zerobeam.analysis.diagnostics.scene_data import MOST_SHOTS, RunScene, scene
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.files.plan import Plan

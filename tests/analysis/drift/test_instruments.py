@@ -11,7 +11,7 @@ from drifting_arms import COVARIANCE, NAMES, seen_by, walked
 from scipy import stats
 
 from zerobeam.analysis.drift.drift import ALARM, MEDIAN, SPREAD, drift
-from zerobeam.analysis.drift.instruments import (
+from zerobeam.analysis.drift.instrument_biases import (
     Bias,
     Instruments,
     MeasuredArm,

@@ -9,7 +9,7 @@ from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.robust import STUDENT_NU, _weights, fit_robust, outlying
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.findings import notes, robust_message
+from zerobeam.words.finding_words import notes, robust_message
 
 LOSSES = ("huber", "student")
 BEND = float(np.sqrt(stats.chi2.isf(0.05, 2)))  # 95 % of two unit normals are shorter

@@ -12,7 +12,7 @@ import pytest
 from cells import LASER, PROBE, good_plan, header, irb1600, run_of, simulated, simulated_problem
 from measured_arms import CELLS, KNOWN_FRAME, Cell, recorded
 
-from zerobeam.analysis.diagnostics.enter import entered, offsets_to_enter
+from zerobeam.analysis.diagnostics.values_to_enter import entered, offsets_to_enter
 from zerobeam.analysis.observability.basis import bases
 from zerobeam.analysis.observability.causes import AsGoodAs
 from zerobeam.analysis.observability.identifiability import Identified, identify

@@ -22,7 +22,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit import criterion_sentence
+from zerobeam.words.misfit_words import criterion_sentence
 
 
 @pytest.fixture(scope="module")

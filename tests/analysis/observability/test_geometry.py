@@ -10,7 +10,7 @@ from scipy import stats
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.gauges import information_root
-from zerobeam.analysis.observability.geometry import (
+from zerobeam.analysis.observability.geometry_result import (
     considered,
     link_columns,
     tolerance_share,

@@ -9,7 +9,7 @@ from zerobeam.analysis.posterior.posterior import not_worth_sampling
 from zerobeam.analysis.solution import solve
 from zerobeam.analysis.status import known
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.findings import posterior_message
+from zerobeam.words.finding_words import posterior_message
 
 PLANAR = (2, 3, 4)  # parallel axes: all poses are turned about one
 

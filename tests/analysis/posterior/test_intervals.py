@@ -28,7 +28,7 @@ from zerobeam.analysis.solution import solve
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.likelihood.kernel import compiled_at_once
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.findings import notes
+from zerobeam.words.finding_words import notes
 from zerobeam.words.sentences import to_json
 
 HALF = float(stats.norm.ppf(0.975))

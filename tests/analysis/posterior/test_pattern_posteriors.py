@@ -28,7 +28,7 @@ from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.findings import posterior_message
+from zerobeam.words.finding_words import posterior_message
 
 TARGETS = {"front": (900.0, 0.0, 0.0), "left": (900.0, 300.0, 100.0), "near": (750.0, -150.0, 200.0)}
 OFFSETS = [f"delta{k}" for k in range(2, 7)]

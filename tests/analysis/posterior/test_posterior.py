@@ -9,7 +9,7 @@ from zerobeam.analysis.posterior import posterior
 from zerobeam.analysis.posterior.posterior import sample_posterior
 from zerobeam.analysis.posterior.sampler import diagnostics
 from zerobeam.analysis.solution import judge
-from zerobeam.words.findings import posterior_message
+from zerobeam.words.finding_words import posterior_message
 
 
 def posterior_of(plan, values=TABLE_2, seed=2, **options):

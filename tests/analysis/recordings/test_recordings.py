@@ -11,7 +11,7 @@ from measured_arms import CELLS, recorded
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.observability.geometry import link_columns
+from zerobeam.analysis.observability.geometry_result import link_columns
 from zerobeam.analysis.recordings.recordings import (
     SIGNIFICANCE,
     Effective,

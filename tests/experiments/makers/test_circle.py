@@ -32,9 +32,9 @@ from rapid_interpreter import RapidController
 from user_programs import STATED, UserProgram, flange_arm, read, varied, written
 
 from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
+from zerobeam.experiments.makers.import_jobs import Imported, ImportJob
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, steps_of, write_program
-from zerobeam.experiments.makers.recordings import Imported, ImportJob
 from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan

@@ -13,13 +13,13 @@ from command_line import zerobeam
 from export_runs import HOSTILE, arm_run, urdf_file
 from geometry_runs import geometry_run, on
 
-from zerobeam.analysis.diagnostics.enter import values_to_enter
+from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.makers.abb.rapid_program import rapid_text
 from zerobeam.experiments.makers.calibration import Holds, RobotCalibration, calibration
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 from zerobeam.experiments.makers.generic.robot_rows import robot_text
-from zerobeam.experiments.makers.generic.urdf import urdf_text
+from zerobeam.experiments.makers.generic.urdf_export import urdf_text
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput

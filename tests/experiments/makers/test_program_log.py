@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from import_files import import_program_log
 
+from zerobeam.experiments.makers.import_jobs import Imported, ImportJob
 from zerobeam.experiments.makers.joint_text import is_program_log
-from zerobeam.experiments.makers.recordings import Imported, ImportJob
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan
 

@@ -12,9 +12,9 @@ from program_arm import PendantArm, plan_for
 
 from zerobeam.experiments.makers.contents import contents_of
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout, import_csv
+from zerobeam.experiments.makers.import_jobs import Imported, ImportJob
 from zerobeam.experiments.makers.maker import Maker, PlanProgram, makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, program_texts, write_program
-from zerobeam.experiments.makers.recordings import Imported, ImportJob
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.robot_file import BUILT_IN

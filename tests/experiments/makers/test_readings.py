@@ -6,7 +6,12 @@ import numpy as np
 from recorded_logs import POSTURES
 
 from zerobeam.experiments.makers.contents import TableColumn, proposed_columns
-from zerobeam.experiments.makers.readings import j3_reading, length_reading, sign_readings, unit_reading
+from zerobeam.experiments.makers.joint_conventions import (
+    j3_reading,
+    length_reading,
+    sign_readings,
+    unit_reading,
+)
 from zerobeam.model.files.robot_file import load_robot
 
 IRB = load_robot("irb1600")

@@ -15,7 +15,7 @@ from plan_requests import plan_request
 from ruamel.yaml import YAML
 
 from zerobeam.analysis.acceptance.acceptance import choose
-from zerobeam.analysis.diagnostics.enter import values_to_enter
+from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.aim import AimedPlan, aim_plan
 from zerobeam.experiments.plans.candidates import candidates

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from zerobeam.experiments.studies.case_store import CaseStore
+from zerobeam.experiments.studies.cases import CaseStore
 from zerobeam.model.errors import BadInput
 
 HEADING = {"study": "own", "seed": 1, "settings": "abc", "versions": {"numpy": "2"}}

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from zerobeam.experiments.studies import drift as module
-from zerobeam.experiments.studies.drift import DriftStudy, drift_study
+from zerobeam.experiments.studies import drift_coverage as module
+from zerobeam.experiments.studies.drift_coverage import DriftStudy, drift_study
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.studies.drift_page import drift_pictures, power_rows
 from zerobeam.reports.studies.kinds import study_page

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.experiments.studies import instruments
-from zerobeam.experiments.studies.instruments import BUILT_IN, SetupsFile, instruments_study
+from zerobeam.experiments.studies import instrument_choice
+from zerobeam.experiments.studies.instrument_choice import BUILT_IN, SetupsFile, instruments_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.parsing.validation import read_model
 from zerobeam.reports.studies.instruments_page import instruments_pictures, setup_rows
@@ -40,16 +40,16 @@ setups:
 
 
 @pytest.fixture(scope="module")
-def answer(tmp_path_factory: pytest.TempPathFactory) -> instruments.InstrumentsStudy:
+def answer(tmp_path_factory: pytest.TempPathFactory) -> instrument_choice.InstrumentsStudy:
     file = tmp_path_factory.mktemp("setups") / "two.yaml"
     file.write_text(TWO, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(instruments, "_CANDIDATES", 80)
+        patch.setattr(instrument_choice, "_CANDIDATES", 80)
         return instruments_study(file, 0, lambda stage, share: None, processes=1)
 
 
 @pytest.mark.long
-def test_more_measurements_know_more(answer: instruments.InstrumentsStudy) -> None:
+def test_more_measurements_know_more(answer: instrument_choice.InstrumentsStudy) -> None:
     tracker = answer.setups[0]
     few, many = tracker.plans
     assert (few.measurements, many.measurements) == (5, 20)
@@ -62,7 +62,7 @@ def test_more_measurements_know_more(answer: instruments.InstrumentsStudy) -> No
 
 
 @pytest.mark.long
-def test_what_a_setup_does_not_determine_has_no_number(answer: instruments.InstrumentsStudy) -> None:
+def test_what_a_setup_does_not_determine_has_no_number(answer: instrument_choice.InstrumentsStudy) -> None:
     """A socket on the axis of joint 6: that offset has no number; the TCP on that axis has one."""
     plan = answer.setups[1].plans[-1]
     assert plan.undetermined == ("delta6",)
@@ -74,7 +74,7 @@ def test_what_a_setup_does_not_determine_has_no_number(answer: instruments.Instr
     assert answer.headline.startswith("With 20 measurements tracker leaves")
 
 
-def test_page_figure_and_table_show_all(answer: instruments.InstrumentsStudy) -> None:
+def test_page_figure_and_table_show_all(answer: instrument_choice.InstrumentsStudy) -> None:
     (picture,) = instruments_pictures(answer)
     assert picture is not None
     assert "bar on the axis: offsets not determined with 20 measurements" in picture.alt
@@ -86,7 +86,7 @@ def test_page_figure_and_table_show_all(answer: instruments.InstrumentsStudy) ->
 def test_the_built_in_setups_are_read_whole() -> None:
     content = read_model(SetupsFile, BUILT_IN)
     for setup in content.setups:
-        header = instruments._header(content, setup)
+        header = instrument_choice._header(content, setup)
         assert set(header.labels) == set(setup.measure)
         assert header.arm is not None  # a typical arm
     assert len({setup.name for setup in content.setups}) == len(content.setups)

@@ -13,7 +13,7 @@ import pytest
 from arms_over_years import FIRST, arm_history, over_years
 from pages import Page
 
-from zerobeam.analysis.answer.message import May
+from zerobeam.analysis.answer.answer_message import May
 from zerobeam.experiments.history.arm_drift import NOT_SOON, Due
 from zerobeam.experiments.history.documents import STATES, ArmState, State
 from zerobeam.experiments.history.fleet_drift import fleet_drift

@@ -13,7 +13,7 @@ from study_text import words
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.model.errors import UnsoundResult
-from zerobeam.reports.run.parameters import offsets_picture
+from zerobeam.reports.run.parameter_section import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture
 from zerobeam.reports.run.residuals import drawn_of, residuals_picture
 from zerobeam.reports.style.canvas import themed

@@ -13,8 +13,13 @@ from pages import paragraphs, strings, table
 from study_text import texts_of
 
 from zerobeam.analysis.answer.result import Result
-from zerobeam.reports.run.geometry import geometry_lines, geometry_section, ladder_picture, ladder_table
-from zerobeam.reports.run.parameters import offsets_section, offsets_table, offsets_worth, other_tables
+from zerobeam.reports.run.geometry_section import (
+    geometry_lines,
+    geometry_section,
+    ladder_picture,
+    ladder_table,
+)
+from zerobeam.reports.run.parameter_section import offsets_section, offsets_table, offsets_worth, other_tables
 from zerobeam.reports.run.report import pictures, report_page
 from zerobeam.reports.style.blocks import Section
 from zerobeam.words.message import message

@@ -16,7 +16,7 @@ from study_text import texts_of, words
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.accuracy import accuracy
-from zerobeam.analysis.diagnostics.enter import Entered, TcpError
+from zerobeam.analysis.diagnostics.values_to_enter import Entered, TcpError
 from zerobeam.analysis.status import Status
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run.report import report_page

@@ -21,7 +21,7 @@ from zerobeam.analysis.observability.outlook import Advice, OverTarget
 from zerobeam.experiments.procedure.events import Ended
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.terminal.answers import print_carried, print_result, print_side_by_side
-from zerobeam.reports.terminal.check import print_check
+from zerobeam.reports.terminal.check_terminal import print_check
 
 SHOWN = ("misfit", "unconverged", "separate", "geometry")
 

@@ -21,7 +21,7 @@ from abb_controller.sensor_server import SensorServer
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.arguments import Laser
+from zerobeam.model.files.from_arrays import Laser
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot

@@ -18,7 +18,7 @@ from recorded_logs import HEADER, moves
 
 from zerobeam.experiments.makers.generic.dwells import Stillness
 from zerobeam.experiments.makers.generic.ros import topics_of
-from zerobeam.experiments.makers.recordings import Imported
+from zerobeam.experiments.makers.import_jobs import Imported
 from zerobeam.model.errors import BadInput
 
 pytest.importorskip("rosbags")

@@ -8,7 +8,7 @@ from import_files import import_csv
 from recorded_logs import HEADER
 
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout
-from zerobeam.experiments.makers.recordings import uncollected
+from zerobeam.experiments.makers.import_jobs import uncollected
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import BUILT_IN
 from zerobeam.model.files.run import read_run, write_run

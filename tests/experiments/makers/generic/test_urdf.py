@@ -23,7 +23,7 @@ from export_runs import (
 )
 
 from zerobeam.experiments.makers.calibration import JointOffset, RobotCalibration, calibration
-from zerobeam.experiments.makers.generic.urdf import urdf_text
+from zerobeam.experiments.makers.generic.urdf_export import urdf_text
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.urdf import read_urdf

@@ -14,9 +14,9 @@ from program_arm import PendantArm, plan_for
 from recorded_logs import HEADER
 from user_programs import OFFSETS, judged, read, varied
 
+from zerobeam.experiments.makers.import_jobs import ImportJob
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
-from zerobeam.experiments.makers.recordings import ImportJob
 from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot

@@ -15,10 +15,10 @@ from damaged_files import joints_read, lines_of, positions_read, refused
 from program_arm import PendantArm, plan_for
 from user_programs import TABLE, TOOL, judged, read, varied
 
+from zerobeam.experiments.makers.import_jobs import ImportJob
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
 from zerobeam.experiments.makers.program_parts import ProgramFacts
-from zerobeam.experiments.makers.recordings import ImportJob
 from zerobeam.experiments.makers.user_programs import ProgramOptions, corrected_program
 from zerobeam.experiments.makers.yaskawa.inform import INFORM
 from zerobeam.model.errors import BadInput

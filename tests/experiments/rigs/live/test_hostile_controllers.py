@@ -18,9 +18,9 @@ from live_controllers import STAND_INS, Closed, TcpStandIn, robot_of
 
 from zerobeam.experiments.rigs import bounded
 from zerobeam.experiments.rigs.bounded import LARGEST, BoundedSocket
-from zerobeam.experiments.rigs.live import interface
+from zerobeam.experiments.rigs.live import joint_client
 from zerobeam.experiments.rigs.live.address import open_joints
-from zerobeam.experiments.rigs.live.interface import LinkFault
+from zerobeam.experiments.rigs.live.joint_client import LinkFault
 from zerobeam.experiments.rigs.live.stream import Stream
 from zerobeam.experiments.rigs.live.websocket import WebSocket
 from zerobeam.model.errors import RigFault
@@ -32,13 +32,13 @@ Serve = Callable[[socket.socket], None]
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interface, "ANSWER_S", 0.15)
+    monkeypatch.setattr(joint_client, "ANSWER_S", 0.15)
 
 
 @pytest.fixture
 def patient(impatient: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of what ends by its size, or by itself, however busy the machine is."""
-    monkeypatch.setattr(interface, "ANSWER_S", 30.0)
+    monkeypatch.setattr(joint_client, "ANSWER_S", 30.0)
 
 
 @contextmanager
@@ -132,14 +132,14 @@ FLOODS: dict[str, tuple[str, bytes, float, Serve]] = {
 def test_what_never_ends_is_one_error(scheme: str, content: bytes, pause: float, first: Serve) -> None:
     with Hostile(content, pause, first) as server, bounded_memory():
         url, pendant = f"{scheme}://127.0.0.1:{server.port}", pendant_of(robot_of(scheme))
-        with pytest.raises((RigFault, interface.JointsRefused), match="look at the connection"):
+        with pytest.raises((RigFault, joint_client.JointsRefused), match="look at the connection"):
             open_joints(url, pendant).take()
 
 
 @pytest.mark.parametrize("content", [frame(0x8A, b"none"), frame(0x01, b""), other("x")])
 def test_draining_ends(content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     """A bridge that sends for ever, and never the answer to the ping."""
-    monkeypatch.setattr(interface, "ANSWER_S", 1.0)  # longer than a busy machine lets it be silent
+    monkeypatch.setattr(joint_client, "ANSWER_S", 1.0)  # longer than a busy machine lets it be silent
     with Hostile(content, 0.0, opening) as server:
         bridge = WebSocket("127.0.0.1", server.port)
         with pytest.raises(LinkFault, match=r"MB for one reading|does not come to an end"):

@@ -20,7 +20,7 @@ from zerobeam.experiments.procedure.events import (
     Withdrawn,
 )
 from zerobeam.experiments.recording import Answers, RunRequest, record
-from zerobeam.experiments.rigs.manual.lines import Lines
+from zerobeam.experiments.rigs.manual.line_sources import Lines
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from zerobeam.experiments.rigs.manual.lines import TypedLines, WatchedLines
+from zerobeam.experiments.rigs.manual.line_sources import TypedLines, WatchedLines
 from zerobeam.model.errors import BadInput
 
 

@@ -13,9 +13,9 @@ from made_once import made_once
 from scipy import stats
 
 from zerobeam.experiments.studies import coverage
-from zerobeam.experiments.studies import geometry as module
+from zerobeam.experiments.studies import geometry_coverage as module
 from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.geometry import (
+from zerobeam.experiments.studies.geometry_coverage import (
     CLOSE,
     CLOSE_MEASUREMENTS,
     MEASUREMENTS,

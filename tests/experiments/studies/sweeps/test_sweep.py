@@ -23,7 +23,6 @@ from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.data_sets import DataSets, drawn, fitted
 from zerobeam.experiments.studies.sweeps import sweep as module
-from zerobeam.experiments.studies.sweeps.findings import findings, headline
 from zerobeam.experiments.studies.sweeps.grid_answer import (
     CaseParameter,
     GridAxis,
@@ -33,6 +32,7 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
 )
 from zerobeam.experiments.studies.sweeps.study_file import SettingsStudy, read_study
 from zerobeam.experiments.studies.sweeps.sweep import FALSE_ALARM, judged, refitted, studied_case, sweep
+from zerobeam.experiments.studies.sweeps.sweep_findings import findings, headline
 from zerobeam.model.errors import BadInput, UnsoundResult
 from zerobeam.model.likelihood.problem import Problem
 

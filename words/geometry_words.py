@@ -7,7 +7,7 @@ from typing import Protocol
 
 from ..analysis.observability.causes import Cause, NotResolvable
 from ..analysis.observability.check import Check
-from ..analysis.observability.geometry import Confounded, GeometryResult, Rung, RungName, Tolerance
+from ..analysis.observability.geometry_result import Confounded, GeometryResult, Rung, RungName, Tolerance
 from . import numbers
 from .wording import Namer, listed, person
 

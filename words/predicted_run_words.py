@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..analysis.diagnostics.predicted_run import PredictedRun
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
-from .findings import predicted_run_message
+from .finding_words import predicted_run_message
 from .wording import capital, clipped, counted, ended, listed, shown
 
 

@@ -9,13 +9,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
-from ...analysis.observability.causes import Cause
-from ...analysis.observability.geometry import GeometryResult
+from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.status import UNVALIDATED, Status
 from ...model.errors import BadInput
 from ...model.likelihood.parameters import Group
 from ...words import numbers
-from ...words.geometry import (
+from ...words.geometry_words import (
     IF_IT_DEVIATES,
     SET_BY_TOLERANCES,
     OffsetRow,
@@ -50,32 +49,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...analysis.answer.result import Result
+    from ...analysis.observability.check import CheckedParameter
     from ...analysis.solution import ParameterResult
+
+    JudgedParameter = ParameterResult | CheckedParameter  # by measurements, or by a plan
 
 OFFSETS = "Joint offsets of the arm: true position = recorded position + offset"
 NO_NUMBER = "—"
 UNVALIDATED_OFFSETS = f"Joint offsets, {UNVALIDATED}; not to be applied"
-
-
-class ParameterRow(Protocol):
-    """A parameter of a result or of a check."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def group(self) -> Group: ...
-    @property
-    def status(self) -> Status: ...
-    @property
-    def held(self) -> bool: ...
-    @property
-    def cause(self) -> Cause | None: ...
-    @property
-    def tolerance_share(self) -> float | None: ...
-    @property
-    def tolerated(self) -> bool: ...
 
 
 def offsets_caption(statuses: Iterable[Status]) -> str:
@@ -83,7 +64,7 @@ def offsets_caption(statuses: Iterable[Status]) -> str:
     return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
 
 
-def noise_factors(parameters: Sequence[ParameterRow]) -> bool:
+def noise_factors(parameters: Sequence[JudgedParameter]) -> bool:
     """Whether joints and spot have factors of their own, that are estimated."""
     return any(row.group == "noise" and not row.held for row in parameters)
 
@@ -214,7 +195,7 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
     return [LegendEntry(key, key, text) for key, text in meaning.items() if key in present]
 
 
-def reasons(parameters: Sequence[ParameterRow]) -> list[LegendEntry]:
+def reasons(parameters: Sequence[JudgedParameter]) -> list[LegendEntry]:
     """Why parameters are held, weak or without an answer, or what they rest on; one reason once."""
     grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:

@@ -39,10 +39,10 @@ from ...procedure.session import ProcedureResult, arm_sent, recorded_event, stat
 from ...procedure.steering import Belief
 from ...sensors.text_lines import InstrumentLines, ReadingRefused
 from ..live.at_rest import JointsAtRest
-from ..live.interface import JointsRefused
+from ..live.joint_client import JointsRefused
 from .doubts import Doubt, Judge
 from .instrument_readings import InstrumentReadings, Reading
-from .lines import Lines
+from .line_sources import Lines
 
 HELP = (
     "joint values as the pendant shows them, then what the instrument reads, in the next line or behind |"

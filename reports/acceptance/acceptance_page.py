@@ -8,10 +8,10 @@ from ...analysis.acceptance.acceptance import Acceptance, AcceptanceResult, Ente
 from ...analysis.acceptance.measured_error import MeasuredError, PostureError
 from ...analysis.status import Verdict as Tone
 from ...analysis.status import versions
-from ...experiments.verification import Verified
+from ...experiments.acceptance_files import Verified
 from ...model.files.run import Run
 from ...words import numbers
-from ...words.acceptance import (
+from ...words.acceptance_words import (
     ACCEPTANCE_WORDS,
     CONTROLLERS_MODEL,
     RULE,
@@ -45,7 +45,7 @@ _TONES: dict[Acceptance, Tone] = {"pass": "pass", "fail": "misfit", "inconclusiv
 _UNKNOWN = "not stated"
 
 
-def verification_page(verified: Verified) -> Page:
+def acceptance_page(verified: Verified) -> Page:
     """All that the report of an acceptance test shows."""
     answer, measured = verified.answer, verified.measured
     names = [posture.target for posture in measured.postures]

@@ -8,8 +8,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from pydantic import TypeAdapter
-
 from ...analysis.status import versions
 from ...interruption import obey
 from ...model.arrays import Progress
@@ -17,6 +15,7 @@ from ...model.errors import BadInput, NotWritten, UnsoundResult, located
 from ...model.files.journal import LineJournal
 from ...model.files.whole_file import Closing
 from ...model.parsing.reading import json_line, parse_json, shown
+from ...model.records import read, to_json
 from ..processes import side_by_side
 
 CASES_SCHEMA = "zerobeam/study-cases/1"
@@ -37,7 +36,7 @@ class CaseStore(Closing, Generic[Case]):
         self, path: Path, heading: Mapping[str, object], kind: type[Case], *, of: str = "study"
     ) -> None:
         self._path, self._of = path, of
-        self._case = TypeAdapter(kind)
+        self._kind = kind
         self._done: dict[int, Case] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +59,7 @@ class CaseStore(Closing, Generic[Case]):
 
     def add(self, number: int, answer: Case) -> None:
         """Keep a finished case."""
-        self._lines.write(json_line({"case": number, "answer": self._case.dump_python(answer, mode="json")}))
+        self._lines.write(json_line({"case": number, "answer": to_json(answer)}))
         self._done[number] = answer
 
     def close(self) -> None:
@@ -109,7 +108,7 @@ class CaseStore(Closing, Generic[Case]):
         for number, line in enumerate(lines[1:], start=2):
             try:
                 row = parse_json(line.decode(), file=self._path, line=number)
-                self._done[int(row["case"])] = self._case.validate_python(row["answer"])
+                self._done[int(row["case"])] = read(self._kind, row["answer"])
             except (ValueError, TypeError, KeyError, UnsoundResult):
                 raise BadInput(
                     "a finished case cannot be read",

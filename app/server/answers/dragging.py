@@ -17,7 +17,7 @@ from ....model.parsing.validation import Vector, as_tuple
 from ....model.records import it, record
 from ..folder import Folder
 from ..requests import end_point, refused
-from .robots import rounded, whole_ref
+from .robot_library import rounded, whole_ref
 
 _REACHED_MM, _REACHED_DEG = 0.01, 0.01
 

@@ -23,7 +23,7 @@ from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
 from ..analysis.misfit import ExactDoubted
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
 from . import numbers
-from .misfit import criterion_sentence
+from .misfit_words import criterion_sentence
 from .numbers import significant as rounded
 from .observability import reason
 from .wording import Namer, be, clipped, label, listed

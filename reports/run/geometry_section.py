@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...analysis.observability.geometry import Rung
+from ...analysis.observability.geometry_result import Rung
 from ...words import numbers
-from ...words.geometry import (
+from ...words.geometry_words import (
     RUNGS,
     SET_BY_TOLERANCES,
     confounded_sentence,
@@ -23,7 +23,7 @@ from ...words.wording import label, listed, person
 from ..style.blocks import FigureBlock, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
 from ..style.palette import light
-from .parameters import NO_NUMBER, reasons
+from .parameter_section import NO_NUMBER, reasons
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,14 +9,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...experiments.verification import ACCEPTANCE_SCHEMA, Verified, acceptance_json
+from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, Verified, acceptance_json
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
 from ...model.records import dumps
-from ...words.acceptance import ACCEPTANCE_WORDS
+from ...words.acceptance_words import ACCEPTANCE_WORDS
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder, write_page
-from .verification_page import errors_picture, verification_page
+from .acceptance_page import acceptance_page, errors_picture
 
 JSON, _TABLE = "verification.json", "errors.csv"
 _KIND = Kind(
@@ -32,7 +32,7 @@ def check_target(folder: Path | str) -> None:
     whole_folder.check_target(folder, _KIND)
 
 
-def write_verification_report(folder: Path | str, verified: Verified) -> None:
+def write_acceptance_report(folder: Path | str, verified: Verified) -> None:
     """Write the report of an acceptance test to `folder`, replacing one that zerobeam wrote there before.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
@@ -40,7 +40,7 @@ def write_verification_report(folder: Path | str, verified: Verified) -> None:
     write_folder(folder, _KIND, lambda new_folder: _write_files(new_folder, verified))
 
 
-def read_verification(folder: Path, sha256: str) -> dict[str, Any]:
+def read_acceptance(folder: Path, sha256: str) -> dict[str, Any]:
     """The answer in the folder of a verification of the calibration by the run of this hash.
 
     BadInput for a folder without one, and for that of another calibration.
@@ -78,7 +78,7 @@ def _write_files(folder: Path, verified: Verified) -> None:
     write_page(
         folder,
         "verification",
-        verification_page(verified),
+        acceptance_page(verified),
         {picture.name: picture},
         "study",
         answer=(JSON, dumps(acceptance_json(verified))),

@@ -12,15 +12,15 @@ from ...analysis.diagnostics.outliers import Robust
 from ...analysis.observability.power import LIMIT_U, DetectionPower
 from ...analysis.posterior.intervals import Intervals
 from ...words import numbers
-from ...words.findings import likelihood_message
-from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
-from ...words.misfit import diagnosis_said
+from ...words.finding_words import likelihood_message
+from ...words.fit_words import goodness_of_fit, hold_out_sentences, robust_sentence
 from ...words.misfit_causes import CAUSES, changed
+from ...words.misfit_words import diagnosis_said
 from ...words.numbers import times, unit_of
 from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ..style.blocks import Cell, Facts, Head, Paragraph, Row, Section, Table, row_of, section_of, table_of
-from .parameters import noise_factors, other_tables
+from .parameter_section import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
 

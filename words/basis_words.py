@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from ..analysis.observability.basis import Basis
 from ..model.likelihood.parameters import Unit
 from . import numbers
-from .geometry import tolerance_words
+from .geometry_words import tolerance_words
 from .observability import named_part
 from .wording import Namer, clipped, listed
 

@@ -21,12 +21,12 @@ from scipy import stats
 
 from ...analysis.estimation.fit import fit_each, single
 from ...analysis.observability.check import Check, check
-from ...analysis.observability.geometry import considered
+from ...analysis.observability.geometry_result import considered
 from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
 from ...analysis.status import Status, has_numbers, require_no_more_than
 from ...model.arrays import NORMAL_95, Mask, Matrix, Progress
-from ...model.files.arguments import Probe
+from ...model.files.from_arrays import Probe
 from ...model.files.header import EXACT, Header
 from ...model.files.plan import Plan
 from ...model.kinematics.robot import Robot
@@ -46,7 +46,7 @@ from .answer import (
     held_share,
     require_sound,
 )
-from .case_store import each_piece, heading_of
+from .cases import each_piece, heading_of
 from .data_sets import DataSets, drawn
 from .laser_plans import laser_header, planner, robot_of
 

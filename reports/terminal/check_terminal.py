@@ -9,19 +9,19 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...analysis.answer.message import Action, Message
+from ...analysis.answer.answer_message import Action, Message
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
 from ...words import numbers
-from ...words.geometry import check_lines
+from ...words.geometry_words import check_lines
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
 from ...words.plan_message import plan_action
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ...words.wording import ended, label, person, sentence
-from ..run.parameters import worth_column
+from ..run.parameter_section import worth_column
 from ..run.unobservable import direction_words
-from ..style.console import VERDICT_STYLE, marked, note
+from ..style.rich_console import VERDICT_STYLE, marked, note
 
 
 def print_check(console: Console, check: Check) -> None:

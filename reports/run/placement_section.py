@@ -12,7 +12,7 @@ from ...analysis.recordings.recordings import Effective
 from ...analysis.recordings.steps import RecordingStep
 from ...analysis.status import LACK_OF_FIT
 from ...words import numbers
-from ...words.misfit import step_sentence
+from ...words.misfit_words import step_sentence
 from ...words.wording import clipped, counted, label, listed, shown
 from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg

@@ -25,7 +25,7 @@ from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.problem import Problem
 from ..demos import demo_runs
 from .answer import Share, StudyAnswer, held_share, share_interval
-from .case_store import each_piece, heading_of
+from .cases import each_piece, heading_of
 
 _RESULTS, _QUARTER = 12, 0.25  # results of an arm, years between two
 _LOST = 0.1  # share of the results that do not determine the first offset

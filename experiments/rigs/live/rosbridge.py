@@ -16,8 +16,8 @@ import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.kinematics.pendant import Pendant
-from . import interface
-from .interface import JointReading, LinkFault, LiveAddress, OtherArm
+from . import joint_client
+from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
 from .websocket import WebSocket
 
 _TOPIC = "/joint_states"
@@ -58,7 +58,7 @@ class RosJoints:
     def _published(self) -> JointReading:
         """The next message that has the joints: a gripper may publish its own ones between."""
         others: dict[str, None] = {}
-        ends = time.monotonic() + interface.ANSWER_S
+        ends = time.monotonic() + joint_client.ANSWER_S
         while time.monotonic() < ends:
             try:
                 content = json.loads(self._socket.message())

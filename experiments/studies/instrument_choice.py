@@ -39,7 +39,7 @@ from ..plans.make import PlanRequest, candidate_pools, portions
 from ..plans.optimal import Planner, Proposal
 from ..plans.plan_options import Portion
 from .answer import StudyAnswer
-from .case_store import each_piece, heading_of
+from .cases import each_piece, heading_of
 
 BUILT_IN = Path(__file__).with_name("instruments.yaml")
 _CANDIDATES = 600

@@ -10,15 +10,15 @@ import numpy as np
 
 from ..analysis.acceptance.acceptance import (
     POWER,
+    AcceptancePlan,
     AcceptancePrediction,
     AcceptanceResult,
-    VerificationPlan,
     accept,
     choose,
 )
 from ..analysis.acceptance.measured_error import MeasuredError, measured_error
-from ..analysis.diagnostics.enter import values_to_enter
 from ..analysis.diagnostics.predicted_run import recorded_problem
+from ..analysis.diagnostics.values_to_enter import values_to_enter
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.prediction import Predictor
 from ..analysis.same_arm import arm_difference
@@ -43,18 +43,18 @@ _DECIMALS = 6  # of degrees and mm in the plan
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedVerification:
+class PlannedAcceptance:
     """A written plan, the run that it verifies, and the vendor of the robot."""
 
-    plan: VerificationPlan
+    plan: AcceptancePlan
     run: str
     sha256: str
     vendor: str | None
 
 
-def write_verification(
+def write_acceptance_plan(
     path: Path, file: Path, shots: int | None, tolerance: float | None, *, force: bool = False
-) -> PlannedVerification:
+) -> PlannedAcceptance:
     """Choose postures of the run that test its offsets once they are entered, and write them as a plan.
 
     BadInput where an offset is not identified, NotValidated for a misfit: then nothing is to be entered.
@@ -73,7 +73,7 @@ def write_verification(
         usable = _usable(run, solution, shots)
         plan = choose(solution, entered, _tolerances(run.header, tolerance), shots, usable)
     _write(run, solution, plan, entered, file, force)
-    return PlannedVerification(plan, path.name, run.sha256, vendor_of(run.robot))
+    return PlannedAcceptance(plan, path.name, run.sha256, vendor_of(run.robot))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ def _determined(run: Run) -> tuple[Solution, dict[str, float]]:
 
 
 def offsets_to_enter(run: Run) -> dict[str, float]:
-    """Values to enter at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
+    """Values to enter after a run, deg (mm) by offset; BadInput as `write_acceptance_plan`."""
     with one_blas_thread():
         return _determined(run)[1]
 
@@ -193,7 +193,7 @@ def _called(kinds: Mapping[str, type[Instrument]]) -> str:
 
 
 def _write(
-    run: Run, solution: Solution, plan: VerificationPlan, entered: Collection[str], file: Path, force: bool
+    run: Run, solution: Solution, plan: AcceptancePlan, entered: Collection[str], file: Path, force: bool
 ) -> None:
     problem = solution.problem
     about: dict[str, str | bool | int | float] = {
@@ -227,7 +227,7 @@ def _write(
     write_plan(file, header, rows[[i for i, _ in planned]], targets, means=means, force=force)
 
 
-def _targets(header: Header, solution: Solution, plan: VerificationPlan) -> dict[str, StatedTarget]:
+def _targets(header: Header, solution: Solution, plan: AcceptancePlan) -> dict[str, StatedTarget]:
     """Where the targets of the plan are by the calibration; of what is no point, as its header states it."""
     problem = solution.problem
     points, targets = problem.split(solution.fit.x).targets, {}
@@ -263,7 +263,7 @@ def _run_json(run: Run) -> dict[str, object]:
     return {"file": run.path.name, "sha256": run.sha256, "provenance": provenance}
 
 
-def plan_json(made: PlannedVerification) -> dict[str, object]:
+def plan_json(made: PlannedAcceptance) -> dict[str, object]:
     """The errors that the plan would notice, schema `zerobeam/verification-plan/1`."""
     return {
         "schema": "zerobeam/verification-plan/1",

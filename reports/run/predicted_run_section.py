@@ -9,7 +9,7 @@ import numpy as np
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.predicted_run import PredictedRun
 from ...words import numbers
-from ...words.predicted_run import predicted_run_alt, predicted_run_sentences
+from ...words.predicted_run_words import predicted_run_alt, predicted_run_sentences
 from ...words.wording import clipped, counted
 from ..style.blocks import Facts, FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg

@@ -9,8 +9,8 @@ from ..analysis.diagnostics.outliers import Robust
 from ..analysis.misfit import LackOfFit
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
-from .findings import hold_out_message
-from .misfit import criterion_sentence
+from .finding_words import hold_out_message
+from .misfit_words import criterion_sentence
 from .wording import listed, person, sentence
 
 

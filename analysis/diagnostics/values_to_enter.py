@@ -66,14 +66,9 @@ class TcpError:
 
 @record
 class Entered:
-    """What to enter into a controller with `of` geometry, by name, deg (mm), and the standard uncertainty `u`
-    of each: how far it may be from what would serve this arm best. A controller with nominal geometry takes
-    the offsets; one that takes the geometry the whole estimated arm, but for what depends on the posture.
-
-    `worse` is the probability that the TCP's error over the region (root mean square) is larger with these
-    than with nothing entered. `tcp_before` and `tcp_after` are the TCP's error to expect with nothing entered
-    and with these. All are None where the TCP depends on an offset that the data do not determine.
-    """
+    """What to enter into a controller, by name. One with nominal geometry takes the offsets; one that takes
+    the geometry the whole estimated arm, but for what depends on the posture. Errors of the TCP are None
+    where it depends on an offset that the data do not determine."""
 
     of: Annotated[
         TakenGeometry,

@@ -10,8 +10,8 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile
 from ...model.kinematics.robot import Robot
-from .changes import EntryChange, chain_of, fitted_changes, listed_changes
 from .elements import Chain
+from .entry_changes import EntryChange, chain_of, fitted_changes, listed_changes
 from .poses import Counting, PendantPose, Tolerance, agree, tolerance
 
 _OTHER_POSTURES = 6  # at which two changed arms are compared

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-from ....analysis.answer.message import Grade
+from ....analysis.answer.answer_message import Grade
 from ....analysis.answer.result import Result
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput

@@ -18,7 +18,7 @@ from ..reports.style.typeface import in_font
 from ..words import numbers
 from ..words.observability import reason
 from ..words.wording import label
-from .arguments import require_axes
+from .checked_arguments import require_axes
 from .pictures import Figure
 
 if TYPE_CHECKING:

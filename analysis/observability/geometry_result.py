@@ -141,16 +141,8 @@ class LinkTolerances:
 
 @record
 class GeometryResult:
-    """The geometry of an answer; offsets that the data do not determine have no numbers here.
-
-    `length_mm` and `angle_deg` are the tolerances of the links, `stated` whether by the header; `factors` by
-    what the data multiply them, None where they are known. `ladder` has the models that were tried.
-    `consider` is the standard uncertainty (deg; mm) of each offset if it is estimated with nominal geometry
-    while the arm has these tolerances; `at_half` and `at_twice` what u would be at half and at twice the
-    tolerances, empty for nominal geometry, None where the curvature at the mode does not say. `confounded`
-    has for each offset the geometry parameter, and the parameter of a free tool, with which it is correlated
-    most; likewise empty.
-    """
+    """The geometry of an answer; offsets that the data do not determine have no numbers here. `length_mm` and
+    `angle_deg` are the tolerances of the links, `stated` whether by the header."""
 
     stated: Annotated[bool, internal]
     length_mm: Annotated[Tolerance, internal]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from rich.console import Console
 from rich.text import Text
 
-from ...analysis.acceptance.acceptance import Acceptance, VerificationPlan
-from ...experiments.verification import Verified
-from ...words.acceptance import (
+from ...analysis.acceptance.acceptance import Acceptance, AcceptancePlan
+from ...experiments.acceptance_files import Verified
+from ...words.acceptance_words import (
     ACCEPTANCE_WORDS,
     acceptance_reason,
     measured_sentence,
@@ -17,8 +17,8 @@ from ...words.acceptance import (
 )
 from ...words.controllers import no_offsets_words, taken_by
 from ...words.wording import counted, listed
-from ..style.console import rich_table
-from ..verification.verification_page import noticed_table
+from ..acceptance.acceptance_page import noticed_table
+from ..style.rich_console import rich_table
 
 _STYLE: dict[Acceptance, str] = {
     "pass": "bold green",
@@ -38,7 +38,7 @@ _NOTHING_ENTERED = (
 )
 
 
-def print_verification(console: Console, plan: VerificationPlan, vendor: str | None) -> None:
+def print_acceptance_plan(console: Console, plan: AcceptancePlan, vendor: str | None) -> None:
     """What the planned test would notice, and what to do at a controller of this vendor."""
     count = counted(len(plan.rows), "posture")
     console.print(Text(f"{count} of the run: measurements {listed([str(row) for row in plan.rows], 20)}."))
