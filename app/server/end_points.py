@@ -121,7 +121,7 @@ def description() -> Schema:
     return {
         "openapi": "3.1.0",
         "info": {"title": "zerobeam app", "version": version("zerobeam")},
-        "paths": paths,
+        "paths": dict(sorted(paths.items())),
         "components": {"schemas": definitions},
     }
 
