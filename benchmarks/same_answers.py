@@ -66,7 +66,7 @@ FAULTS: dict[str, tuple[str, int, float, int, int]] = {
     "misread": ("joints_deg", 3, 3.0, 5, 6),
 }
 TOLERANCE = 1e-6
-SENTENCES = {"headline", "reason", "remedy", "message", "notes", "place"}
+SENTENCES = {"cautions", "text", "headline", "reason", "remedy", "message", "notes", "place"}
 ASIDE = {"computing_s", "seconds", "versions", "sha256"}
 
 

@@ -19,7 +19,7 @@ from .history import Serial, histories, opened
 from .shared_options import Json
 
 if TYPE_CHECKING:
-    from ..reports.history.certificate import VerificationCheck
+    from ..reports.history.certificate import SignatureCheck
 
 VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
 _LONGEST = 1000  # bytes of a passphrase
@@ -105,7 +105,8 @@ def verify(
         require_library,
         why_not_signed,
     )
-    from ..reports.history.certificate import SignatureVerification, files_of_certificate
+    from ..model.records import to_json
+    from ..reports.history.certificate import SignatureChecks, files_of_certificate
 
     require_library()
     by = public_key(public)
@@ -118,7 +119,7 @@ def verify(
     if db is not None:
         checks += _against_history(db, list(read), signed)
     if as_json:
-        print_json(SignatureVerification(fingerprint=fingerprint(by), checks=checks).to_json())
+        print_json(to_json(SignatureChecks(fingerprint=fingerprint(by), checks=tuple(checks))))
     else:
         say(f"Key: {grouped(fingerprint(by))}")
         for row in checks:
@@ -129,13 +130,13 @@ def verify(
 
 def _verdict(
     file: Path, reason: str | None, check: Literal["signature", "certificate", "history"] = "signature"
-) -> VerificationCheck:
-    from ..reports.history.certificate import VerificationCheck
+) -> SignatureCheck:
+    from ..reports.history.certificate import SignatureCheck
 
-    return VerificationCheck(file=str(file), check=check, valid=reason is None, reason=reason)
+    return SignatureCheck(file=str(file), check=check, valid=reason is None, reason=reason)
 
 
-def _of_one_result(signed: dict[Path, bytes]) -> list[VerificationCheck]:
+def _of_one_result(signed: dict[Path, bytes]) -> list[SignatureCheck]:
     """Of each file beside a certificate.json whether it is of that certificate."""
     from ..reports.history.certificate import JSON, read_certificate, why_not_of_certificate
 
@@ -149,7 +150,7 @@ def _of_one_result(signed: dict[Path, bytes]) -> list[VerificationCheck]:
     ]
 
 
-def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[VerificationCheck]:
+def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[SignatureCheck]:
     """Of each certificate.json whether the history agrees; what is not signed is not asked about."""
     from ..reports.history.certificate import read_certificate, why_history_differs
 

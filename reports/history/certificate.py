@@ -10,9 +10,7 @@ import json
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-
-from pydantic import Field
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ...analysis.answer.result import parse_result
 from ...analysis.status import known, versions
@@ -21,9 +19,8 @@ from ...experiments.history.database import Database
 from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
 from ...model.instruments.registry import kinds_of
-from ...model.records import dumps, to_json
+from ...model.records import dumps, it, record, to_json
 from ...words.judgement import Judgement, read_judgement
 from ...words.provenance import (
     CERTIFICATE_KEYS,
@@ -48,21 +45,25 @@ _OFFSET = ("name", "unit", "status", "held", "estimate", "std", "interval95")
 _INTERVALS = ("name", "unit", "linear", "profile", "posterior")
 
 
-class VerificationCheck(JsonDocument):
+@record
+class SignatureCheck:
     """Whether a file is what it says: by its signature, its certificate.json, or a history."""
 
     file: str
     check: Literal["signature", "certificate", "history"]
     valid: bool
-    reason: str | None = Field(description="null where it is valid")
+    reason: Annotated[str | None, it("null where it is valid")]
 
 
-class SignatureVerification(JsonDocument):
+@record(kw_only=True)
+class SignatureChecks:
     """`history verify`."""
 
-    schema_: Literal["zerobeam/verification/1"] = Field(default="zerobeam/verification/1", alias="schema")
-    fingerprint: str = Field(description="of the key")
-    checks: list[VerificationCheck]
+    schema: Annotated[Literal["zerobeam/verification/1"], it("kind and version of the document")] = (
+        "zerobeam/verification/1"
+    )
+    fingerprint: Annotated[str, it("of the key")]
+    checks: tuple[SignatureCheck, ...]
 
 
 def certificate_json(
