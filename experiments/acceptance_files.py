@@ -139,7 +139,7 @@ def offsets_to_enter(run: Run) -> dict[str, float]:
 def _usable(run: Run, solution: Solution, shots: int | None) -> Mask:
     """(N,) the postures in which the arm does not block the beam: no robot is moved by a plan of others.
     BadInput where too few are left."""
-    usable = clear_postures(solution.problem, solution.fit.x, run.header)
+    usable = clear_postures(solution.problem, solution.fit.x, run)
     if usable.sum() < (shots or 1):
         blocked = listed([str(i) for i in np.asarray(solution.problem.shot_numbers)[~usable].tolist()])
         raise BadInput(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -18,10 +18,11 @@ from ...model.errors import BadInput, located
 from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import Plan
 from ...model.files.plan_file import StatedConstraints
-from ...model.instruments.kind import Target
+from ...model.files.run import Run
+from ...model.instruments.kind import Measurement, Target
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.problem import Problem
+from ...model.likelihood.problem import Problem, by_posture
 from .obstacles import Clearance, InTheWay
 
 # A plan file has its postures to 1e-6 deg: what was chosen at a bound is still within it when read again.
@@ -236,14 +237,18 @@ def violations(turned: AimedPlan) -> tuple[Violation, ...]:
         return tuple(sorted(_broken(turned), key=lambda each: each.posture))
 
 
-def clear_postures(problem: Problem, x: Matrix, header: Header) -> Mask:
-    """(N,) of measured postures by one instrument, which of them no link of the arm blocks, at x (p,); of
-    several instruments all, which `check` judges in a plan."""
-    if len(header.labels) > 1:
-        return np.ones(problem.shots, dtype=bool)
-    view = View.of(StatedConstraints())
-    conditions = Conditions(problem, x, view, Clearance(problem, None), header.targets)
-    return ~conditions.in_the_way(np.arange(problem.shots)).blocked
+def clear_postures(problem: Problem, x: Matrix, run: Run) -> Mask:
+    """(N,) in which postures of a run, whose problem this is, the arm is in the way of no instrument, at the
+    parameters x (p,)."""
+    view, clear = View.of(StatedConstraints()), np.ones(problem.shots, dtype=bool)
+    at = dict(zip(problem.parameters.names, x, strict=True))
+    _, measured = by_posture(run.measurements)
+    for alone, rows in _by_means(problem, run.header, run.robot, measured):
+        nominal = zip(alone.parameters.names, alone.nominal(), strict=True)
+        x_alone = np.array([at.get(name, value) for name, value in nominal])
+        conditions = Conditions(alone, x_alone, view, Clearance(alone, None), run.header.targets)
+        clear[rows] &= ~conditions.in_the_way(np.arange(alone.shots)).blocked
+    return clear
 
 
 def touched_boxes(turned: AimedPlan) -> list[bool]:
@@ -332,19 +337,27 @@ class _PartOfPlan(NamedTuple):
 
 def _parts(turned: AimedPlan) -> Iterator[_PartOfPlan]:
     plan, problem = turned.plan, turned.aimed.problem
-    by_means: dict[tuple[str, str], list[int]] = {}
-    for row, item in enumerate(plan.measurements):
-        by_means.setdefault((item.instrument, item.variant), []).append(row)
+    _, measured = by_posture(plan.measurements)
+    for alone, rows in _by_means(problem, plan.header, plan.robot, measured):
+        yield _PartOfPlan(alone, rows, turned.aimed.hit[rows])
+
+
+def _by_means(
+    problem: Problem, header: Header, robot: Robot, measured: Sequence[Sequence[Measurement]]
+) -> Iterator[tuple[Problem, Index]]:
+    """Of what is measured at each posture of a problem (N,): the measurements by each instrument and variant
+    as a problem of their own, and at which postures they are."""
+    by_means: dict[tuple[str, str], list[tuple[int, Measurement]]] = {}
+    for row, some in enumerate(measured):
+        for item in some:
+            by_means.setdefault((item.instrument, item.variant), []).append((row, item))
     if len(by_means) == 1:
-        yield _PartOfPlan(problem, np.arange(problem.shots), turned.aimed.hit)
+        yield problem, np.arange(problem.shots)
         return
-    shot = {row: i for i, row in enumerate(problem.shot_numbers)}
-    first = {item.posture: row for row, item in reversed(list(enumerate(plan.measurements)))}
-    for rows in by_means.values():
-        at = np.array([shot[first[plan.measurements[row].posture]] for row in rows])
-        measured = [[plan.measurements[row]] for row in rows]
-        alone = Problem.of_measured(plan.header, plan.robot, problem.joints[at], measured, planned=True)
-        yield _PartOfPlan(alone, at, turned.aimed.hit[at])
+    for pairs in by_means.values():
+        rows = np.array([row for row, _ in pairs])
+        alone = [[item] for _, item in pairs]
+        yield Problem.of_measured(header, robot, problem.joints[rows], alone, planned=True), rows
 
 
 def _violation(

@@ -287,8 +287,33 @@ def test_a_verification_has_no_posture_that_the_arm_blocks(tmp_path: Path) -> No
     assert run.is_file(), answer.err
     recorded = read_run(run)
     solution = solve_run(Problem.from_run(recorded), recorded.header)
-    free = clear_postures(solution.problem, solution.fit.x, recorded.header)
+    free = clear_postures(solution.problem, solution.fit.x, recorded)
     assert {*np.flatnonzero(~free).tolist()} == set(BLOCKED)
     tolerance = {"deg": 0.1, "mm": 1.0}
     plan = choose(solution, values_to_enter(solution), tolerance, 16, free)
     assert not {*plan.rows} & set(BLOCKED)
+
+
+def test_of_several_instruments_each_has_its_own_line(tmp_path: Path) -> None:
+    """A laser and a tracker at the same postures: where the arm blocks the beam alone the tracker sees on."""
+    leica = {"kind": "tracker", "guess_mm": [3000, 500, 800], "reflectors": {"R1": {"guess_mm": [60, 0, 80]}}}
+
+    def both(content: dict[str, Any]) -> None:
+        postures = content["postures_deg"]
+        content["instruments"] = {"leica": {**leica, "frame": "free", "sigma_mm": 0.05}}
+        content["postures_deg"] = [
+            *({"joints_deg": joints, "target": "psd", "instrument": "tool"} for joints in postures),
+            *({"joints_deg": joints, "instrument": "leica", "reflector": "R1"} for joints in postures[:9]),
+        ]
+
+    plan = edited(tmp_path, both)
+    found = {each.posture for each in violations(aim_plan(read_plan(plan))) if each.condition == "arm"}
+    assert found >= set(BLOCKED)
+    run = tmp_path / "run.jsonl"
+    answer = zerobeam("run", plan, "-o", run, "--no-camera", "--seed", "1")
+    assert run.is_file(), answer.err
+    recorded = read_run(run)
+    solution = solve_run(Problem.from_run(recorded), recorded.header)
+    blocked = np.flatnonzero(~clear_postures(solution.problem, solution.fit.x, recorded))
+    assert {*blocked.tolist()} == found
+    assert len({*range(19, 28)} - found) > 2  # the tracker sees its reflector in others
