@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
-from dataclasses import is_dataclass
+from functools import cache
 from typing import Annotated, Any, TypeVar
 
 import typer
@@ -18,18 +18,12 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def typer_parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
     """The parameters of a function, and the options of the records that it takes, as Typer takes them."""
-    by_name = {one.name: _parameter(one) for one in options_of(function)}
-    parameters = []
-    for one, hint in parameters_of(function):
-        if one.name in by_name:
-            parameters.append(by_name[one.name])
-        elif isinstance(hint, type) and is_dataclass(hint):
-            parameters += [by_name[each.name] for each in options_of(hint)]
-        elif hint is typer.Context:
-            parameters.append(one.replace(annotation=hint, kind=one.KEYWORD_ONLY))
-    return parameters
+    parameters = [_parameter(one) for one in options_of(function)]
+    contexts = [one for one, hint in parameters_of(function) if hint is typer.Context]
+    return [one.replace(annotation=typer.Context, kind=one.KEYWORD_ONLY) for one in contexts] + parameters
 
 
+@cache
 def _parameter(one: OptionField) -> inspect.Parameter:
     option, default = one.option, one.typed_default
     how: Any = {
@@ -49,13 +43,18 @@ def _parameter(one: OptionField) -> inspect.Parameter:
 def with_options(command: Callable[..., Returned], *others: Callable[..., Any]) -> Callable[..., Returned]:
     """The command with its options, for Typer to read: its records are made of what is typed. The options of
     the functions `others` reach it as they were typed."""
-    sources = (command, *others)
+    parameters = [each for one in (command, *others) for each in typer_parameters(one)]
+    return with_parameters(of_typed(command), parameters)
+
+
+def of_typed(command: Callable[..., Returned]) -> Callable[..., Returned]:
+    """The command, called with what was typed."""
 
     def typed_command(**typed: Any) -> Returned:
         return command(**arguments(command, typed))
 
     typed_command.__doc__ = command.__doc__
-    return with_parameters(typed_command, [each for one in sources for each in typer_parameters(one)])
+    return typed_command
 
 
 def with_parameters(

@@ -12,7 +12,7 @@ from ..experiments.makers.maker import Reader, makers
 from ..model.errors import BadInput
 from ..model.options import Option, argument, arguments, parameters_of
 from .console import out, progress
-from .formats import Command, typer_parameters, with_options, with_parameters
+from .formats import Command, of_typed, typer_parameters, with_options, with_parameters
 from .shared_options import Force, NewRunFile
 
 if TYPE_CHECKING:
@@ -71,10 +71,9 @@ def _reader_command(reader: Reader) -> Command:
         out.print(f"{done} written to {file}", soft_wrap=True, markup=False)
 
     import_files.__doc__ = reader.read.__doc__
-    command = with_options(import_files, reader.read)
     parameters = {each.name: each for one in (import_files, reader.read) for each in typer_parameters(one)}
     first, last = ([parameters.pop(name) for name in names] for names in (reader.first, ("force", "dry_run")))
-    return with_parameters(command, [*first, *parameters.values(), *last])
+    return with_parameters(of_typed(import_files), [*first, *parameters.values(), *last])
 
 
 def _write(

@@ -1,6 +1,6 @@
 """How a plan is carried out, as it is stated to `run`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -61,7 +61,7 @@ class RunOptions:
     user: Annotated[str | None, Option("ABB: user, else ZEROBEAM_ABB_USER.")] = None
     password: Annotated[
         str | None, Option("ABB: password, else ZEROBEAM_ABB_PASSWORD or the keyring.", app=False)
-    ] = None
+    ] = field(default=None, repr=False)
     speed: Annotated[float, Option("ABB: share of the joints' top speeds.")] = 0.25
     laser: Annotated[str, Option("ABB: digital output of the laser, NETWORK/UNIT/NAME.")] = (
         "Local/DRV_1/zb_laser"

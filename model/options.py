@@ -11,9 +11,9 @@ Python functions follow. Nothing is loaded for them.
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from numbers import Integral, Real
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -54,7 +54,7 @@ def argument(help: str, **others: Any) -> Option:
     return Option(help, argument=True, **others)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OptionField:
     """An option with its name, its type and its usual value (REQUIRED: none)."""
 
@@ -152,22 +152,27 @@ def require_number(
         raise BadInput("this cannot be used", found=repr(value), allowed=allowed, argument=name)
 
 
-def options_of(source: Callable[..., Any]) -> list[OptionField]:
+def options_of(source: Callable[..., Any]) -> Sequence[OptionField]:
     """The options of a record, or of a function, in their order; those of a record that a function takes are
     among its own."""
     if is_dataclass(source):
-        hints = get_type_hints(source, include_extras=True)
-        rows = [(one.name, hints[one.name], _usual(one)) for one in fields(source)]
-    else:
-        rows = [(one.name, hint, one.default) for one, hint in parameters_of(source)]
-    options = []
+        return _of_record(source)
+    return list(_options((one.name, hint, one.default) for one, hint in parameters_of(source)))
+
+
+@cache
+def _of_record(record: Any) -> tuple[OptionField, ...]:
+    hints = get_type_hints(record, include_extras=True)
+    return tuple(_options((one.name, hints[one.name], _usual(one)) for one in fields(record)))
+
+
+def _options(rows: Iterable[tuple[str, Any, Any]]) -> Iterator[OptionField]:
     for name, hint, default in rows:
         if isinstance(hint, type) and is_dataclass(hint):
-            options += options_of(hint)
+            yield from _of_record(hint)
         for mark in getattr(hint, "__metadata__", ()):
             if isinstance(mark, Option):
-                options.append(OptionField(name, hint.__origin__, default, mark))
-    return options
+                yield OptionField(name, hint.__origin__, default, mark)
 
 
 def _usual(one: Field[Any]) -> Any:

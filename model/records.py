@@ -245,8 +245,6 @@ def _plain(value: object, words: Words) -> object:
     if is_dataclass(value):
         kind = _kind(cast(Any, type(value)))
         return {one.name: _plain(_shown(value, kind, one, words), words) for one in _present(value, kind)}
-    if isinstance(value, BaseModel):  # of a file that people write
-        return value.model_dump(mode="json", by_alias=True)
     if isinstance(value, datetime):
         return value.replace(tzinfo=UTC).isoformat()
     if isinstance(value, Mapping):

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, TypeAdapter
 
 from ...model.files.plan_file import PlanFile
+from . import job_end_points  # noqa: F401 - enters its end points
 from .answers import (  # noqa: F401 - each enters its end points
     calibrations,
     dragging,
@@ -26,8 +27,6 @@ from .answers import (  # noqa: F401 - each enters its end points
     unfinished_runs,
 )
 from .folder import FolderFile
-from .job_commands import AskedJob, AskedLine
-from .jobs import JobBrief, JobWhole
 from .requests import END_POINTS, ErrorAnswer
 from .versions import ConflictAnswer, WrittenFile
 
@@ -40,7 +39,7 @@ _IF_MATCH = {
     "description": "the version of the file that is replaced; a new file needs none",
     "schema": {"type": "string"},
 }
-_MADE = {("/api/jobs", "post"), ("/api/file", "put")}
+_MADE = {("/api/file", "put")}
 _MADE |= {(point.path, point.method.lower()) for point in END_POINTS if point.status == 201}
 _CHANGES = {"name": "X-Zerobeam", "in": "header", "required": True, "schema": {"const": "1"}}
 _REF = "#/components/schemas/{model}"
@@ -72,35 +71,11 @@ _OTHERS = [
         parameters=(_FILE, _IF_MATCH),
         returned=TypeAdapter(WrittenFile),
     ),
-    _Operation("/api/jobs", "get", "The jobs, the newest first.", returned=TypeAdapter(list[JobBrief])),
-    _Operation("/api/jobs", "post", "Begins a command in a process of its own: its id.", AskedJob),
-    _Operation(
-        "/api/jobs/{id}",
-        "get",
-        "A job: state, share, time left, log, exit status, answer.",
-        parameters=(_ID,),
-        returned=TypeAdapter(JobWhole),
-    ),
-    _Operation(
-        "/api/jobs/{id}",
-        "delete",
-        "Asks a job to end, as Ctrl-C does.",
-        parameters=(_ID,),
-        returned=TypeAdapter(JobBrief),
-    ),
     _Operation(
         "/api/jobs/{id}/events",
         "get",
         "Server-sent events of a job: progress, log, run, end; from behind Last-Event-ID.",
         parameters=(_ID,),
-    ),
-    _Operation(
-        "/api/jobs/{id}/line",
-        "post",
-        "Answers a job that asks: joints or words of a run by hand, yes or no before a robot moves.",
-        AskedLine,
-        (_ID,),
-        TypeAdapter(JobBrief),
     ),
 ]
 
@@ -109,7 +84,11 @@ _OTHERS = [
 def description() -> Schema:
     """The OpenAPI document, made of the models that read what is sent and write what comes back."""
     queries = [
-        (*({**_FILE, "name": name} for name in point.query), *((_IF_MATCH,) if point.conditional else ()))
+        (
+            *({**_ID, "name": name} for name in point.in_path),
+            *({**_FILE, "name": name} for name in point.query),
+            *((_IF_MATCH,) if point.conditional else ()),
+        )
         for point in END_POINTS
     ]
     operations = [
@@ -142,7 +121,7 @@ def description() -> Schema:
     return {
         "openapi": "3.1.0",
         "info": {"title": "zerobeam app", "version": version("zerobeam")},
-        "paths": paths,
+        "paths": dict(sorted(paths.items())),
         "components": {"schemas": definitions},
     }
 

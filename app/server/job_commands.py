@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import BeforeValidator, Field
+from typing import Literal
 
 from ...analysis.analyse_options import AnalyseOptions
 from ...experiments.command_options import AddOptions, CompareOptions, HistoryPageOptions, VerifyOptions
@@ -19,26 +17,7 @@ from ...experiments.run_options import RunOptions
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
 from ...model.options import OptionField, options_of
-from ...model.parsing.validation import FileModel, as_tuple
 from .folder import Folder
-
-
-class AskedJob(FileModel):
-    """A command to carry out."""
-
-    command: Annotated[tuple[str, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)] = (
-        Field(description="a command as it is typed after `zerobeam`, word by word")
-    )
-    password: str | None = Field(
-        default=None, max_length=1000, repr=False, description="of an ABB controller; it is kept nowhere"
-    )
-
-
-class AskedLine(FileModel):
-    """A line for a job that asks: joint values or a word of a run by hand, or yes or no."""
-
-    text: str = Field(max_length=10_000, description="one line, or several")
-
 
 # values: it may be stated several times; held out: so may this one, as names or as a file that is read
 Kind = Literal["read", "write", "value", "values", "held out", "flag"]

@@ -14,6 +14,8 @@ from collections import deque
 from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
+from starlette.exceptions import HTTPException
+
 from ...analysis.answer.answer_message import Action
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
@@ -166,7 +168,7 @@ class Jobs:
     """All jobs of a server, `AT_ONCE` of them under way."""
 
     def __init__(self, folder: Folder) -> None:
-        self._folder = folder
+        self.folder = folder
         self.runs = StartedRuns(folder)
         self._jobs: dict[str, AppJob] = {}
         # Who followed a job of a server that was killed must not be told of another one of the same number.
@@ -177,8 +179,11 @@ class Jobs:
         """The newest first."""
         return list(reversed(self._jobs.values()))
 
-    def of(self, number: str) -> AppJob | None:
-        return self._jobs.get(number)
+    def of(self, number: str) -> AppJob:
+        """The job of a number; HTTPException where there is none."""
+        if number not in self._jobs:
+            raise HTTPException(404)
+        return self._jobs[number]
 
     def begin(self, command: Sequence[str], password: str | None = None) -> AppJob:
         """A new job; `command` is as `job_command` gives it, `password` that of an ABB controller."""
@@ -253,8 +258,8 @@ class Jobs:
         job.process = process = await asyncio.create_subprocess_exec(
             *_COMMAND,
             *job.command,
-            cwd=self._folder.root,
-            env=os.environ | {PROGRESS: "lines", ATTENDED: "1", WITHIN: str(self._folder.root)} | secret,
+            cwd=self.folder.root,
+            env=os.environ | {PROGRESS: "lines", ATTENDED: "1", WITHIN: str(self.folder.root)} | secret,
             stdin=subprocess.PIPE,  # also what ends with the server, however that ends
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -317,12 +322,12 @@ class Jobs:
     def _offered(self, job: AppJob, event: Mapping[str, Any]) -> Any:
         """The button of a run's message: its command as the app's folder calls the files."""
         action = Action(**event["message"]["action"])
-        return to_json(action_of_result(self._folder, action, self._folder.inside(run_file(job.command))))
+        return to_json(action_of_result(self.folder, action, self.folder.inside(run_file(job.command))))
 
     async def _log(self, job: AppJob, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""
         async for raw in stream:
-            line = self._folder.without(raw.decode("utf-8", "replace").rstrip("\n"))
+            line = self.folder.without(raw.decode("utf-8", "replace").rstrip("\n"))
             event = _progress(line)
             if event is None:
                 job.log.append(line[:2000])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from pydantic import BaseModel, TypeAdapter, create_model
 from ...model.errors import BadInput, ZerobeamError
 from ...model.parsing.reading import DEEPEST, MOST_VALUES, KeyPath
 from ...model.parsing.validation import FileModel, Model, validate
-from ...model.records import it, record, to_json
+from ...model.records import it, record
 
 Answering = TypeVar("Answering", bound=Callable[..., Any])
 
@@ -35,9 +36,10 @@ class Precondition:
 
 @dataclass(frozen=True)
 class EndPoint:
-    """`answer` is called with the folder and what its other parameters say is sent: the texts of the query
-    (empty where one is missing), or the keys of a JSON object, by a model or each by itself. It returns what
-    is written as JSON, or raises a ZerobeamError.
+    """`answer` is called with the folder (or the jobs, by the type of its first parameter) and what its other
+    parameters say is sent: names in the path, the texts of the query (empty where one is missing), or the
+    keys of a JSON object, by a model or each by itself. It returns what is written as JSON, or raises a
+    ZerobeamError.
 
     A coroutine function waits for a process of its own; others are called one at a time. One that has a
     Precondition replaces files: it gets that of the request.
@@ -55,14 +57,27 @@ class EndPoint:
         return function
 
     @cached_property
+    def _hints(self) -> Arguments:
+        return get_type_hints(self._function, include_extras=True)
+
+    @cached_property
+    def of(self) -> object:
+        """The type of its first parameter."""
+        return self._hints.get(next(iter(inspect.signature(self._function).parameters)))
+
+    @cached_property
+    def in_path(self) -> tuple[str, ...]:
+        """The names in the path."""
+        return tuple(re.findall(r"{(\w+)}", self.path))
+
+    @cached_property
     def _sent(self) -> dict[str, tuple[Any, Any]]:
-        """Type and default (...: none) of what is sent, by the parameter."""
-        hints = get_type_hints(self._function, include_extras=True)
+        """Type and default (...: none) of what else is sent, by the parameter."""
         _, *parameters = inspect.signature(self._function).parameters.values()
         return {
-            one.name: (hints[one.name], ... if one.default is one.empty else one.default)
+            one.name: (self._hints[one.name], ... if one.default is one.empty else one.default)
             for one in parameters
-            if hints[one.name] is not Precondition
+            if self._hints[one.name] is not Precondition and one.name not in self.in_path
         }
 
     @property
@@ -73,7 +88,7 @@ class EndPoint:
     @cached_property
     def conditional(self) -> bool:
         """Whether it replaces files."""
-        return Precondition in get_type_hints(self._function).values()
+        return Precondition in self._hints.values()
 
     @cached_property
     def _model(self) -> type[BaseModel] | None:
@@ -85,15 +100,16 @@ class EndPoint:
     @cached_property
     def sent(self) -> type[BaseModel] | None:
         """The model of what is sent; None where nothing is."""
-        if self.method == "GET" or self._model is not None:
+        if self.method in ("GET", "DELETE") or self._model is not None:
             return self._model
-        name = "".join(word.capitalize() for word in self.path.removeprefix("/api").split("/"))
+        name = "".join(word.capitalize() for word in re.findall(r"\w+", self.path.removeprefix("/api")))
         fields: Any = self._sent
         return create_model(f"{name}Request", __base__=FileModel, __doc__=self.says, **fields)
 
-    def arguments(self, query: Mapping[str, str], content: Any, headers: Mapping[str, str]) -> Arguments:
-        """The arguments of `answer` behind the folder; Refused with the key of what is wrong."""
-        arguments: Arguments = {name: query.get(name, "") for name in self.query}
+    def arguments(self, named: Mapping[str, str], content: Any, headers: Mapping[str, str]) -> Arguments:
+        """The arguments of `answer` behind the first, `named` in path and query; Refused with the key of what
+        is wrong."""
+        arguments: Arguments = {name: named.get(name, "") for name in (*self.in_path, *self.query)}
         if self.sent is not None:
             sent = as_model(self.sent, content)
             arguments |= {next(iter(self._sent)): sent} if self._model is not None else dict(sent)
@@ -104,11 +120,7 @@ class EndPoint:
     @cached_property
     def returned(self) -> TypeAdapter[Any]:
         """What `answer` returns, by its annotation: how it is written, and its schema."""
-        return TypeAdapter(get_type_hints(self._function, include_extras=True)["return"])
-
-    def plain(self, answer: object) -> Any:
-        """An answer as JSON has it."""
-        return to_json(answer)
+        return TypeAdapter(self._hints["return"])
 
 
 END_POINTS: list[EndPoint] = []

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
@@ -27,9 +26,8 @@ from .answers.results import read_result, report_files
 from .end_points import description
 from .folder import Folder, kind_of
 from .guard import LARGEST_BODY, SHOWN, Access, refusal
-from .job_commands import AskedJob, AskedLine, job_command
-from .jobs import AppJob, Jobs
-from .requests import END_POINTS, Arguments, EndPoint, Precondition, as_model, require_plain
+from .jobs import Jobs
+from .requests import END_POINTS, Arguments, EndPoint, Precondition, require_plain
 from .versions import (
     WrittenFile,
     etag,
@@ -69,12 +67,7 @@ class EndPoints:
             Route("/api/archive", self.archive),
             Route("/report/{path:path}", self.report),
             Route(f"{SHOWN}{{ticket}}/{{path:path}}", self.shown),
-            Route("/api/jobs", self.jobs_told),
-            Route("/api/jobs", self.begin_job, methods=["POST"]),
-            Route("/api/jobs/{id}", self.job),
-            Route("/api/jobs/{id}", self.end_job, methods=["DELETE"]),
             Route("/api/jobs/{id}/events", self.job_events),
-            Route("/api/jobs/{id}/line", self.job_line, methods=["POST"]),
             Route("/openapi.json", self.described),
         ]
 
@@ -84,12 +77,19 @@ class EndPoints:
         self.thread.shutdown(wait=False, cancel_futures=True)
 
     def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
+        async def arguments(request: Request) -> Arguments:
+            content = None if point.sent is None else await _content(request)
+            named = {**request.query_params, **request.path_params}
+            return point.arguments(named, content, request.headers)
+
         async def answered(request: Request) -> Response:
-            async with self.places:
-                content = None if point.sent is None else await _content(request)
-                return await self._calculated(
-                    request, point, point.arguments(request.query_params, content, request.headers)
+            if point.of is Jobs:  # nobody waits for what is calculated
+                answer = point.answer(self.jobs, **await arguments(request))
+                return _with_version(
+                    to_json(await answer if inspect.isawaitable(answer) else answer), point.status
                 )
+            async with self.places:
+                return await self._calculated(request, point, await arguments(request))
 
         return answered
 
@@ -150,46 +150,19 @@ class EndPoints:
             return FileResponse(path, media_type="application/octet-stream", filename=path.name)
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": _ALONE})
 
-    async def jobs_told(self, request: Request) -> Response:
-        return JSONResponse([to_json(job.brief()) for job in self.jobs.all()])
-
-    async def begin_job(self, request: Request) -> Response:
-        request_sent = as_model(AskedJob, await _content(request))
-        command = await asyncio.to_thread(job_command, self.folder, request_sent.command)
-        job = self.jobs.begin(command, request_sent.password)
-        return JSONResponse({"id": str(job.number)}, status_code=201)
-
-    async def job(self, request: Request) -> Response:
-        return JSONResponse(to_json(self._job(request).whole()))
-
-    async def end_job(self, request: Request) -> Response:
-        job = self._job(request)
-        self.jobs.cancel(job)
-        return JSONResponse(to_json(job.brief()))
-
-    async def job_line(self, request: Request) -> Response:
-        job = self._job(request)
-        await self.jobs.answer(job, as_model(AskedLine, await _content(request)).text)
-        return JSONResponse(to_json(job.brief()))
-
     async def job_events(self, request: Request) -> Response:
+        job = self.jobs.of(request.path_params["id"])
         last = request.headers.get("last-event-id", "")
         after = int(last) if last.isdecimal() and len(last) < 12 else 0
-        return StreamingResponse(self._job(request).events(after), media_type="text/event-stream")
+        return StreamingResponse(job.events(after), media_type="text/event-stream")
 
     async def described(self, request: Request) -> Response:
         return JSONResponse(description())
 
-    def _job(self, request: Request) -> AppJob:
-        job = self.jobs.of(request.path_params["id"])
-        if job is None:
-            raise HTTPException(404)
-        return job
-
     async def _calculated(self, request: Request, point: EndPoint, of: Arguments) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
-                return _with_version(point.plain(await point.answer(self.folder, **of)), point.status)
+                return _with_version(to_json(await point.answer(self.folder, **of)), point.status)
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
@@ -200,7 +173,7 @@ class EndPoints:
     def _confined(self, point: EndPoint, of: Arguments) -> Any:
         """The answer; files that files name are refused where they are not below the folder."""
         with confined(self.folder.root):
-            return point.plain(point.answer(self.folder, **of))
+            return to_json(point.answer(self.folder, **of))
 
 
 def _with_version(answer: Any, status: int) -> JSONResponse:

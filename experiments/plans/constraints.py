@@ -244,9 +244,9 @@ def clear_postures(problem: Problem, x: Matrix, run: Run) -> Mask:
     at = dict(zip(problem.parameters.names, x, strict=True))
     _, measured = by_posture(run.measurements)
     for alone, rows in _by_means(problem, run.header, run.robot, measured):
-        means = zip(alone.parameters.names, alone.nominal(), strict=True)
-        own = np.array([at.get(name, nominal) for name, nominal in means])
-        conditions = Conditions(alone, own, view, Clearance(alone, None), run.header.targets)
+        nominal = zip(alone.parameters.names, alone.nominal(), strict=True)
+        x_alone = np.array([at.get(name, value) for name, value in nominal])
+        conditions = Conditions(alone, x_alone, view, Clearance(alone, None), run.header.targets)
         clear[rows] &= ~conditions.in_the_way(np.arange(alone.shots)).blocked
     return clear
 

@@ -10,7 +10,7 @@ from starlette.testclient import TestClient
 from user_programs import UserProgram, varied, written
 
 from zerobeam.app.server.folder import Folder
-from zerobeam.app.server.job_commands import ALLOWED, job_command
+from zerobeam.app.server.job_commands import job_command
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.model.files.robot_file import load_robot
 
@@ -53,14 +53,6 @@ def test_a_plan_is_exported_in_the_app_as_by_the_command_line(client: TestClient
         stated = [f"--{name}={options[name]}" for name in form["options"]]
         words = ["export", "plan", form["name"], "plan.yaml", f"--out={form['files'][0]}", *stated]
         assert {*stated} <= {*job_command(Folder(root), words)}
-
-
-def test_options_of_points_are_those_of_the_command() -> None:
-    from command_line import zerobeam
-
-    described = zerobeam("import", "points", "--help").out
-    stated = set(re.findall(r"^│ \*? +(--[\w-]+)", described, re.MULTILINE))
-    assert {*ALLOWED["import", "points"][1]} == stated - {"--help", "--force"}
 
 
 def test_a_folder_is_made_once(client: TestClient, root: Path) -> None:

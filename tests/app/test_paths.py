@@ -72,6 +72,7 @@ OTHERS |= {
     "serial",
 }
 OTHERS |= {"measurements", "mounted", "version", "links", "position_mm", "quaternion_wxyz"}
+OTHERS |= {"command", "password", "text"}  # of jobs: see NAMED_BY
 
 
 def _urdf(name: str) -> dict[str, str]:
