@@ -185,4 +185,5 @@ def test_what_is_not_consistent() -> None:
         problem.moved(problem.joints, problem.spots - np.where(later, 3.0 * by_own[:, :, n + 2], 0.0))
     )
     assert not moved.consistent
-    assert moved.moved_target.at == ("psd", 5, 6)
+    found = moved.moved_target
+    assert (found.target, found.after_shot, found.before_shot) == ("psd", 5, 6)

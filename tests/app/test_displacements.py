@@ -41,9 +41,18 @@ def _offsets(**values: float | None) -> Change:
             if row["group"] == "offset":
                 value = values.get(row["name"], 0.0)
                 row |= {"held": False, "status": "identified", "estimate": value, "std": 0.01}
-                row["interval95"] = [0.0, 0.0]
+                row["interval95"] = None if value is None else [value - 0.02, value + 0.02]
                 if value is None:
-                    row |= {"status": "unidentifiable", "std": None, "interval95": None}
+                    row |= {
+                        "status": "unidentifiable",
+                        "std": None,
+                        "midpoint": None,
+                        "tolerance_share": None,
+                    }
+        content |= {"intervals": [], "budget": [], "without_prior": None}
+        content["posterior"]["parameters"] = None
+        if None in values.values():
+            content["verdict"] = "degenerate"
 
     return change
 

@@ -29,11 +29,18 @@ def event_of(content: Json) -> RunEvent:
     if content["event"] == events.Ended.event:
         said = stated.get("message") or {"verdict": stated["headline"]}
         stated["message"] = message_of(**said)
-        stated["parameters"] = tuple(read(ParameterResult, row) for row in stated["parameters"])
+        stated["parameters"] = tuple(read(ParameterResult, _whole(row)) for row in stated["parameters"])
         stated["refused"] = tuple(
             RefusedPosture(**{**row, "reason": RefusalReason(row["reason"])}) for row in stated["refused"]
         )
     return _KINDS[content["event"]](**{key: _frozen(value) for key, value in stated.items()})  # type: ignore[no-any-return]
+
+
+def _whole(row: Json) -> Json:
+    """The row of an offset with the interval and the reason that a result has beside what the tests state."""
+    value, std = row["estimate"], row["std"]
+    ends = None if std is None else [value - 2 * std, value + 2 * std]
+    return {"group": "offset", "interval95": ends, "reason": "as the header says", **row}
 
 
 def message_of(verdict: str, **parts: Any) -> Message:

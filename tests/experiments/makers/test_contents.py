@@ -39,7 +39,7 @@ FILES = {
     "a.prg": ("J1=(1,2,3,4,5,6)\nP1=(1,2,3,4,5,6)(7,0)\n", "melfa", TWO),
     "a.drl": ("a = posj(1, 2, 3, 4, 5, 6)\nb = posx(1, 2, 3, 4, 5, 6)\n", "drl", TWO),
     "a.tms": ('define\n{\n}\nmain\n{\nPTP("JPP",1,2,3,4,5,6,5,500,0,false)\n}\n', "tmscript", ONE),
-    "a.001": ("MOVEX A=1,M1J,P,(1,2,3,4,5,6),R=5.0,H=1,MS\n", "slim", ONE),
+    "a.001": ("MOVEX A=1,M1J,P,(1,2,3,4,5,6),R=5.0,H=1,MS\nEND\n", "slim", ONE),
     "a.pcs": ("Sub Main\nzb_p0 = J(1, 2, 3, 4, 5, 6)\nEnd Sub\n", "pacscript", ONE),
     "a.txt": ("a = [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6]\n", "franka", ONE),
     "a.mod": (RAPID, "rapid", ONE),

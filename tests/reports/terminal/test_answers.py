@@ -19,7 +19,6 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import OutsideLimits, check
 from zerobeam.analysis.observability.outlook import Advice, OverTarget
 from zerobeam.experiments.procedure.events import Ended
-from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.terminal.answers import print_carried, print_result, print_side_by_side
 from zerobeam.reports.terminal.check_terminal import print_check
 
@@ -172,7 +171,7 @@ def test_the_end_of_a_run_has_no_number_for_what_is_not_determined() -> None:
     for claim in ({"estimate": FORBIDDEN}, {"std": 0.01}):
         lying = carried_badly()
         lying["parameters"][0] |= claim
-        with pytest.raises(UnsoundResult, match="delta2"):
+        with pytest.raises(ValueError, match="delta2"):
             end_of(lying)
 
 
