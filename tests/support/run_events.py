@@ -39,7 +39,7 @@ def event_of(content: Json) -> RunEvent:
 def _whole(row: Json) -> Json:
     """The row of an offset with the interval and the reason that a result has beside what the tests state."""
     value, std = row["estimate"], row["std"]
-    ends = None if std is None else [value - 2 * std, value + 2 * std]
+    ends = None if std is None or value is None else [value - 2 * std, value + 2 * std]
     return {"group": "offset", "interval95": ends, "reason": "as the header says", **row}
 
 
