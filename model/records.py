@@ -227,7 +227,7 @@ def to_json(value: object, words: Words = _NO_WORDS) -> Any:
 
     Examples
     --------
-    >>> from zerobeam.analysis.diagnostics.enter import TcpError
+    >>> from zerobeam.analysis.diagnostics.values_to_enter import TcpError
     >>> to_json(TcpError(1.0, 2.5, (0.5, 1.5)))
     {'median_mm': 1.0, 'p95_mm': 2.5, 'median_band_mm': [0.5, 1.5]}
     """
@@ -242,6 +242,8 @@ def to_json(value: object, words: Words = _NO_WORDS) -> Any:
 
 
 def _plain(value: object, words: Words) -> object:
+    if value is None or isinstance(value, str | int | float):  # most values, before what is slow to ask
+        return value
     if is_dataclass(value):
         kind = _kind(cast(Any, type(value)))
         return {one.name: _plain(_shown(value, kind, one, words), words) for one in _present(value, kind)}

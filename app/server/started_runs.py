@@ -22,7 +22,7 @@ _RESUME = "--resume"
 _OURS = ("--json-lines", "--scene", "--")  # what the server adds to what was asked for
 
 
-@record(kw_only=True)
+@record(kw_only=True, strict_keys=True)
 class StartedRun:
     """A run that the app has started."""
 
@@ -30,7 +30,7 @@ class StartedRun:
     ended: bool
 
 
-@record(kw_only=True)
+@record(kw_only=True, strict_keys=True)
 class _RunsFile:
     """The content of the file, by the names of run files."""
 

@@ -127,7 +127,8 @@ def checked_moment(value: object) -> datetime:
 def checked_offset(row: object) -> ParameterRow:
     """The row of an offset: what a result may say of it, and no more."""
     offset = read(ParameterRow, row)
-    checked_text(offset.name), checked_text(offset.unit)
+    for text in (offset.name, offset.unit):
+        checked_text(text)
     if has_numbers(offset.status) and None in (offset.estimate, offset.std, offset.interval95):
         raise ValueError(f"{offset.name} is {offset.status}, yet it lacks a number")
     return offset

@@ -68,7 +68,7 @@ ODD: dict[str, tuple[Callable[[str], str], list[str]]] = {
 
 @pytest.mark.parametrize("kind", ODD)
 def test_an_odd_result_gets_one_clear_error(client: TestClient, there: Path, kind: str) -> None:
-    """What else a result may not be is tested in analysis/answer/test_document.py."""
+    """What else a result may not be is tested in analysis/answer/test_result.py."""
     file, (change, listed) = there / "good/result.json", ODD[kind]
     file.write_text(change(file.read_text()))
     answer = client.get("/api/result", params={"file": "good/result.json"})

@@ -2,7 +2,7 @@
 
 They are not the controller's, and a real cell has them elsewhere; they are here because the simulated
 beam is. In the same process `CellSensors` reads them, from another one `RemoteSensors` by TCP (the protocol:
-experiments/sensors/interface.py).
+experiments/sensors/controller_sensors.py).
 """
 
 from __future__ import annotations
