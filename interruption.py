@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from time import monotonic
 from types import FrameType
 
 INTERRUPTED = 130  # exit status
@@ -38,7 +39,7 @@ class _Request:
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
-    now, before = time.monotonic(), _Request.since
+    now, before = monotonic(), _Request.since
     insisted = number != _REMINDER and (before is None or now - before > _SAME_S)
     if insisted:
         _Request.since, _Request.ever = now, True

@@ -117,7 +117,7 @@ def test_an_error_that_a_library_makes_of_it_is_an_interruption() -> None:
 def test_a_request_that_comes_twice_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """`timeout` sends it to the process and to its group; a second Ctrl-C of a person comes later."""
     now, done = [100.0], []
-    monkeypatch.setattr(interruption.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(interruption, "monotonic", lambda: now[0])
 
     def asked_again() -> None:
         try:

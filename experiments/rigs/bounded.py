@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import socket
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 from typing import Any
 
 _ANSWERS = 3  # of the longest silence: until a reading has ended
@@ -29,11 +29,11 @@ class BoundedSocket(socket.socket):
     def begin(self, answer_s: float) -> None:
         """A reading begins; so long may the other side be silent."""
         self._answer_s, self._left = answer_s, LARGEST
-        self._ends = time.monotonic() + _ANSWERS * answer_s
+        self._ends = monotonic() + _ANSWERS * answer_s
 
     def require_time(self) -> float:
         """Seconds that are left of the reading."""
-        left = self._ends - time.monotonic()
+        left = self._ends - monotonic()
         if left <= 0:
             longest = _ANSWERS * self._answer_s
             raise self._fault(f"{self._called} does not come to an end within {longest:.3g} s")

@@ -186,7 +186,7 @@ def test_a_silence_at_the_end_of_a_reading_is_its_end(monkeypatch: pytest.Monkey
     clock = iter([0.0, 0.14, 0.16])  # the reading begins; 0.01 s are left; it has ended
     with TcpStandIn(server_waits) as server:
         connected = socket.create_connection(("127.0.0.1", server.port))
-        monkeypatch.setattr(bounded.time, "monotonic", lambda: next(clock))
+        monkeypatch.setattr(bounded, "monotonic", lambda: next(clock))
         reading = BoundedSocket(connected, "it", LinkFault, 0.05)
         with pytest.raises(LinkFault, match=r"it does not come to an end within 0\.15 s"):
             reading.recv(1)
