@@ -129,9 +129,8 @@ def test_the_order_and_the_number_of_measurements_are_for_what_a_run_notices() -
     assert {each.wrong for each in few.lacking} == {"jump", "backlash", "noise"}
     # A tool within its tolerance takes the error up: no plan notices it, and it does no harm.
     assert not next(each for each in few.power if each.wrong == "tool").noticed
-    assert (
-        {each.wrong for each in few.unnoticed} == {each.wrong for each in few.hopeless} == {"beam", "reading"}
-    )
+    # So does joint 6 with a beam off its direction: it is as good as the mounting, and no part of a pass.
+    assert {each.wrong for each in few.unnoticed} == {each.wrong for each in few.hopeless} == {"reading"}
     answer = planner_of_typical.fewest(2 * few.worst, 24)
     assert answer.proposal is not None
     assert answer.proposal.lacking == ()
