@@ -45,8 +45,9 @@ def run(
     from ..experiments.recording import Answers, RunRequest, record
     from ..experiments.rigs.live.centred import CentredLines
     from ..model.files.plan import read_plan
-    from ..reports.terminal.answers import print_carried
-    from ..reports.terminal.live import led_view, live_view
+    from ..reports.output.live_view import led_view, live_view
+    from ..reports.output.terminal import print_page
+    from ..reports.run.brief_page import ended_page
 
     planned = read_plan(plan)
     with ExitStack() as opened:
@@ -101,7 +102,7 @@ def run(
     if as_json:
         print_json(event_json(answer))
     elif not json_lines:
-        print_carried(out, answer)
+        print_page(out, ended_page(answer))
         say(f"Run: {file}")
     done = 0 if answer.verifies else EXIT_STATUS[answer.verdict]  # a test is judged by zerobeam verify
     raise typer.Exit(1 if answer.missing else done)

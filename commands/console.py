@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TextIO, cast
 
 from ..interruption import obey
-from ..reports.style.rich_console import Terminal
+from ..reports.output.terminal import Terminal
 from ..words.wording import shown, visible
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1, "violated": 1}

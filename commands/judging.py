@@ -33,21 +33,22 @@ def demo(
 ) -> None:
     """Analyse three built-in runs: varied postures, an X-Pattern, an uncalibrated tool."""
     from ..model.files.run import read_run
-    from ..reports.run.report import check_target, write_report
-    from ..reports.terminal.answers import print_side_by_side
-    from ..reports.terminal.check_terminal import print_message
+    from ..reports.output.terminal import print_blocks, print_message
+    from ..reports.output.whole_folder import check_target
+    from ..reports.run.brief_page import side_by_side
+    from ..reports.run.report import REPORT, write_report
     from ..words.message import message
 
     cases = demo_runs()
     for case in cases:
-        check_target(folder / case.name)
+        check_target(folder / case.name, REPORT)
     answers = []
     for case in cases:
         with progress(case.title, _ANALYSE) as tell:
             analysis = _analysed(read_run(case.path), AnalyseOptions(), tell)
         write_report(folder / case.name, analysis.result, analysis.draws)
         answers.append(analysis.result)
-    print_side_by_side(out, [case.title for case in cases], answers)
+    print_blocks(out, [side_by_side([case.title for case in cases], answers)])
     for case, answer in zip(cases, answers, strict=True):
         out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
         print_message(out, message(answer))
@@ -59,7 +60,8 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     from ..analysis.observability.aim import aim_plan
     from ..experiments.plans.constraints import check_plan
     from ..model.files.plan import read_plan
-    from ..reports.terminal.check_terminal import print_check
+    from ..reports.output.terminal import print_page
+    from ..reports.plan.check_page import check_page
 
     planned = read_plan(plan)
     turned = aim_plan(planned)
@@ -73,7 +75,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         print_json(to_json(checked))
     else:
-        print_check(out, replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix())))
+        print_page(out, check_page(replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix()))))
         print_picture(picture)
     raise typer.Exit(EXIT_STATUS[checked.verdict])
 
@@ -100,9 +102,10 @@ def analyse(
 
         print_json(to_json(analysis.result))
     else:
-        from ..reports.terminal.answers import print_result
+        from ..reports.output.terminal import print_page
+        from ..reports.run.brief_page import brief_page
 
-        print_result(out, _where_the_person_stands(analysis.result, save or run))
+        print_page(out, brief_page(_where_the_person_stands(analysis.result, save or run)))
     raise typer.Exit(_status(analysis))
 
 
@@ -114,12 +117,14 @@ def report(
     options: AnalyseOptions,
 ) -> None:
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
-    from ..reports.run.report import check_target, write_report
-    from ..reports.terminal.answers import print_result
+    from ..reports.output.terminal import print_page
+    from ..reports.output.whole_folder import check_target
+    from ..reports.run.brief_page import brief_page
+    from ..reports.run.report import REPORT, write_report
     from ..words.sentences import to_json
 
     recorded = _recorded(run, options.drop)
-    check_target(folder)
+    check_target(folder, REPORT)
     with progress("report", _REPORT) as tell:
         analysis = _analysed(recorded, options, tell)
         tell("writing", 0.0)
@@ -128,7 +133,7 @@ def report(
     if as_json:
         print_json(to_json(analysis.result))
     else:
-        print_result(out, _where_the_person_stands(analysis.result, run))
+        print_page(out, brief_page(_where_the_person_stands(analysis.result, run)))
         say(f"Report: {paths.html}")
     raise typer.Exit(_status(analysis))
 
@@ -148,12 +153,14 @@ def compare(
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
-    from ..reports.repeatability.comparison_folder import check_target, write_comparison
-    from ..reports.repeatability.comparison_page import print_comparison
+    from ..reports.output.terminal import print_page
+    from ..reports.output.whole_folder import check_target
+    from ..reports.repeatability.comparison_folder import COMPARISON, write_comparison
+    from ..reports.repeatability.comparison_page import comparison_page
     from ..words.sentences import to_json
 
     if folder is not None:
-        check_target(folder)
+        check_target(folder, COMPARISON)
     with progress("compare") as tell:
         comparison = compare_runs(runs, seed=options.seed, progress=tell)
         if folder is not None:
@@ -162,7 +169,7 @@ def compare(
     if as_json:
         print_json(to_json(comparison))
     else:
-        print_comparison(out, comparison)
+        print_page(out, comparison_page(comparison).brief)
         if folder is not None:
             say(f"Comparison: {paths.html}")
     if comparison.failed:
@@ -286,9 +293,10 @@ def batch(
     """Solve many runs: results, reports if asked, tables, and one page over all."""
     from ..experiments.batch import BatchSettings, run_files
     from ..reports.batch.batch_folder import require_parquet
-    from ..reports.batch.batch_page import print_batch
+    from ..reports.batch.batch_page import batch_page
     from ..reports.batch.carried_out import STORE, check_target
     from ..reports.batch.carried_out import batch as carry_out
+    from ..reports.output.terminal import print_page
     from ..words.sentences import to_json
 
     if parquet:
@@ -308,6 +316,6 @@ def batch(
     if as_json:
         print_json(to_json(done))
     else:
-        print_batch(out, done)
+        print_page(out, batch_page(done).brief)
         say(f"Page: {folder / 'batch.html'}")
     raise typer.Exit(0 if done.passed else 1)

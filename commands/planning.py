@@ -57,7 +57,8 @@ def plan(
     from ..model.files.robot_file import robot_path
     from ..model.files.run import header_of_run
     from ..model.files.whole_file import refuse_existing
-    from ..reports.terminal.answers import print_proposal
+    from ..reports.output.terminal import print_page
+    from ..reports.plan.check_page import proposal_page
 
     if header.suffix == ".jsonl":
         shared_header = header_of_run(header)
@@ -82,7 +83,7 @@ def plan(
     if as_json:
         print_json(made.as_json())
     else:
-        print_proposal(out, made)
+        print_page(out, proposal_page(made))
         if made.file is not None:
             say(f"Plan: {made.file}")
             print_picture(picture)
@@ -115,19 +116,21 @@ def verify(
 ) -> None:
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
     from ..experiments.acceptance_files import acceptance_json, accepted
-    from ..reports.terminal.acceptance_terminal import print_acceptance
+    from ..reports.acceptance.acceptance_page import acceptance_page
+    from ..reports.output.terminal import print_page
 
     if folder is not None:
-        from ..reports.acceptance.acceptance_folder import check_target, write_acceptance_report
+        from ..reports.acceptance.acceptance_folder import ACCEPTANCE, write_acceptance_report
+        from ..reports.output.whole_folder import check_target
 
-        check_target(folder)
+        check_target(folder, ACCEPTANCE)
     verified = accepted(run, new, _enough(options.tolerance))
     if folder is not None:
         write_acceptance_report(folder, verified)
     if as_json:
         print_json(acceptance_json(verified))
     else:
-        print_acceptance(out, verified)
+        print_page(out, acceptance_page(verified).brief)
         if folder is not None:
             say(f"Report: {folder / 'verification.html'}")
     raise typer.Exit(0 if verified.answer.verdict == "pass" else 1)
@@ -138,13 +141,14 @@ def _plan_verify(
 ) -> NoReturn:
     """Write the plan of the acceptance test, and say what it would notice."""
     from ..experiments.acceptance_files import plan_json, write_acceptance_plan
-    from ..reports.terminal.acceptance_terminal import print_acceptance_plan
+    from ..reports.acceptance.acceptance_page import acceptance_plan_section
+    from ..reports.output.terminal import print_blocks
 
     made = write_acceptance_plan(run, file, shots, _enough(tolerance), force=force)
     if as_json:
         print_json(plan_json(made))
     else:
-        print_acceptance_plan(out, made.plan, made.vendor)
+        print_blocks(out, acceptance_plan_section(made.plan, made.vendor).all)
         say(f"Plan: {file}")
     raise typer.Exit(0 if made.plan.enough else 1)
 

@@ -115,13 +115,14 @@ def robot(
     from ..experiments.urdf_robot import content_of_chain, stated_chain
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
-    from ..reports.terminal.arm import print_arm, print_robots
+    from ..reports.output.terminal import print_blocks, print_page
+    from ..reports.plan.robot_page import robot_page, robots_table
 
     if names:
         if as_json:
             print_json({"robots": list(built_in_robots())})
         else:
-            print_robots(out)
+            print_blocks(out, [robots_table()])
         return
     if name is None:
         raise BadInput(
@@ -170,7 +171,7 @@ def robot(
     if as_json:
         print_json(arm_json(arm))
     else:
-        print_arm(out, arm)
+        print_page(out, robot_page(arm))
         print_picture(picture)
     if arm.check is not None and not arm.check.agrees:
         raise typer.Exit(EXIT_STATUS["misfit"])

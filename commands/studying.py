@@ -37,12 +37,14 @@ def _carry_out(
     or not at all, to go on with; once the study is written they are no longer needed.
     """
     from ..experiments.studies.answer import to_json
-    from ..reports.studies.study_folder import check_target, write_study
-    from ..reports.studies.study_terminal import print_study
+    from ..reports.output.terminal import print_page
+    from ..reports.output.whole_folder import check_target
+    from ..reports.studies.kinds import study_page
+    from ..reports.studies.study_folder import study_kind, write_study
 
     work, study = cluster.opened(), settings()
     store = Path(f"{real_path(folder)}.cases.jsonl")
-    check_target(folder)
+    check_target(folder, study_kind(folder))
     try:
         with work, progress("study") as tell:
             answer = study(seed, tell, store=store)
@@ -56,7 +58,7 @@ def _carry_out(
     if as_json:
         print_json(to_json(answer))
     else:
-        print_study(out, answer)
+        print_page(out, study_page(answer).brief)
         say(f"Study: {paths.html}")
     raise typer.Exit(0 if answer.agrees else 1)
 

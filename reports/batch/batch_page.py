@@ -7,8 +7,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
-from rich.console import Console
-from rich.text import Text
 
 from ...analysis.diagnostics.outliers import FEWEST_VALUES
 from ...experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchOffset, BatchRow
@@ -32,7 +30,6 @@ from ..style.blocks import (
 from ..style.blocks import Verdict as Headline
 from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
 from ..style.palette import light
-from ..style.rich_console import VERDICT_STYLE, note, print_block
 
 _MOST_ROWS = 1000
 _MOST_NAMED = 200
@@ -77,7 +74,7 @@ def batch_page(done: Batch) -> Page:
         Headline(key, word, f"{sentence}{': ' if others else ''}{', '.join(others)}."),
         list(_notes(done)),
         [
-            section_of("Outcomes", _outcomes(done)),
+            section_of("Outcomes", _outcomes(done), brief=True),
             *_failures(done),
             *_misfits(done),
             section_of("Odd arms", *_outliers(done)),
@@ -127,7 +124,9 @@ def _failures(done: Batch) -> list[Section]:
         row_of(clipped(row.file, 60), clipped("; ".join(_lines(row.message)), _LONGEST_MESSAGE))
         for row in rows[:_MOST_NAMED]
     ]
-    return [section_of("Failures", table_of(_caption("Runs without a result", rows), columns, lines))]
+    return [
+        section_of("Failures", table_of(_caption("Runs without a result", rows), columns, lines), brief=True)
+    ]
 
 
 def _lines(message: str) -> list[str]:
@@ -311,24 +310,3 @@ def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
         " all runs has each.",
         svg,
     )
-
-
-_MOST_PRINTED = 20
-
-
-def print_batch(out: Console, done: Batch) -> None:
-    """How many have which outcome, and the failures with the first line of their message."""
-    page = batch_page(done)
-    out.print(
-        Text(f"{page.verdict.word}. ", style=VERDICT_STYLE[page.verdict.key]) + Text(page.verdict.sentence)
-    )
-    for text in page.notes:
-        out.print(note(text))
-    for block in page.sections[0].all:
-        print_block(out, block)
-    failed = [row for row in done.rows if row.outcome == "failed"]
-    for row in failed[:_MOST_PRINTED]:
-        first = row.message.splitlines()[0]
-        out.print(Text(f"{clipped(row.file, 60)}: ", style="bold") + Text(clipped(first, 200)))
-    if len(failed) > _MOST_PRINTED:
-        out.print(Text(f"… and {len(failed) - _MOST_PRINTED} more failures, in runs.csv"))

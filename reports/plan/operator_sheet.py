@@ -33,7 +33,8 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from .plan_page import Postures, postures_of, verdict_on
+from .check_page import verdict_on
+from .plan_page import Postures, postures_of
 
 _DIGITS = {"deg": 3, "mm": 3, "rad": 5, "pulse": 0}  # decimals, as pendants show them
 _FIELD = "\u2009".join(["_"] * 9)

@@ -1,13 +1,10 @@
-"""The page of `compare`: mean and scatter of repeated runs, whether they agree; the same in a terminal."""
+"""The page of `compare`: mean and scatter of repeated runs, whether they agree."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from statistics import median
 from typing import TYPE_CHECKING
-
-from rich.console import Console
-from rich.text import Text
 
 from ...analysis.repeatability.compare import (
     FALSE_ALARM,
@@ -23,7 +20,6 @@ from ...words import numbers
 from ...words.comparison import headline, notes
 from ...words.numbers import significant, with_unit
 from ...words.wording import clipped, counted, label, listed, sentence, shown
-from ..style import blocks
 from ..style.blocks import (
     Block,
     Cell,
@@ -32,6 +28,7 @@ from ..style.blocks import (
     Page,
     Paragraph,
     Row,
+    Table,
     Verdict,
     row_of,
     section_of,
@@ -39,7 +36,6 @@ from ..style.blocks import (
 )
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
-from ..style.rich_console import VERDICT_STYLE, print_block
 from ..style.typeface import in_font
 
 if TYPE_CHECKING:
@@ -74,34 +70,20 @@ def comparison_page(comparison: Comparison) -> Page:
                 _prediction(comparison),
                 Paragraph(_whole(comparison)),
                 FigureBlock("runs"),
+                brief=True,
             ),
-            section_of("Drift", *_drift(comparison)),
-            section_of("Each run", _against(comparison), Paragraph(_on_the_outlier(comparison))),
+            section_of("Drift", *_drift(comparison), brief=True),
+            section_of("Each run", _against(comparison), Paragraph(_on_the_outlier(comparison)), brief=True),
             section_of("Offsets of each run", _runs(comparison), level=2),
             section_of("Settings and inputs", Facts(_about(comparison))),
         ],
     )
 
 
-def print_comparison(out: Console, comparison: Comparison) -> None:
-    """Verdict and notes, the means and scatter, then drift and each run against the others."""
-    page = comparison_page(comparison)
-    out.print(
-        Text(f"{page.verdict.word}. ", style=VERDICT_STYLE[page.verdict.key]) + Text(page.verdict.sentence)
-    )
-    for note in page.notes:
-        out.print(Text("! ", style="bold yellow") + Text(note))
-    for section in page.sections[:3]:
-        for block in section.all:
-            if isinstance(block, blocks.Table):
-                out.print()
-            print_block(out, block)
-
-
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _means(comparison: Comparison) -> blocks.Table:
+def _means(comparison: Comparison) -> Table:
     columns = [
         ("offset", "left"),
         ("mean", "right"),
@@ -143,7 +125,7 @@ def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]
     return [value, interval, std]
 
 
-def _prediction(comparison: Comparison) -> blocks.Table | None:
+def _prediction(comparison: Comparison) -> Table | None:
     """Observed against predicted scatter, where anything is predicted."""
     columns = [
         ("offset", "left"),
@@ -214,7 +196,7 @@ def _drift_row(row: ComparedOffset, comparison: Comparison) -> Row:
     )
 
 
-def _against(comparison: Comparison) -> blocks.Table:
+def _against(comparison: Comparison) -> Table:
     columns = [
         ("run", "left"),
         ("at", "right"),
@@ -239,7 +221,7 @@ def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
     return row_of(clipped(run.name, _LONGEST_NAME), at, count, cell, tone="weak" if outlier else "")
 
 
-def _runs(comparison: Comparison) -> blocks.Table:
+def _runs(comparison: Comparison) -> Table:
     columns = [("run", "left"), *((label(row.name), "right") for row in comparison.offsets)]
     rows = [
         row_of(clipped(run.name, _LONGEST_NAME), *(_estimate(offset) for offset in run.offsets))

@@ -59,11 +59,6 @@ NO_NUMBER = "—"
 UNVALIDATED_OFFSETS = f"Joint offsets, {UNVALIDATED}; not to be applied"
 
 
-def offsets_caption(statuses: Iterable[Status]) -> str:
-    """What stands above a table of offsets with these statuses."""
-    return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
-
-
 def noise_factors(parameters: Sequence[JudgedParameter]) -> bool:
     """Whether joints and spot have factors of their own, that are estimated."""
     return any(row.group == "noise" and not row.held for row in parameters)
@@ -93,12 +88,19 @@ def offsets_worth(result: Result) -> str | None:
 def offsets_table(result: Result) -> Table:
     """The offsets with their uncertainties; of a misfit without what those would be worth."""
     offsets = [row for row in result.parameters if row.group == "offset"]
-    k = result.coverage_factor
-    head = f"U ({numbers.coverage(k)})"
-    table = parameter_table(offsets_caption(row.status for row in offsets), offsets, k, head)
-    if offsets_worth(result) is None:
+    geometry = None if offsets_worth(result) is None else result.geometry
+    return offsets_table_of(offsets, result.coverage_factor, geometry)
+
+
+def offsets_table_of(
+    offsets: Sequence[ParameterResult], k: float, geometry: GeometryResult | None = None
+) -> Table:
+    """Offsets with U = `k` u; with the `geometry` also what these are worth."""
+    caption = UNVALIDATED_OFFSETS if any(row.status == "unvalidated" for row in offsets) else OFFSETS
+    table = parameter_table(caption, offsets, k, f"U ({numbers.coverage(k)})")
+    if geometry is None:
         return table
-    worth, of = worth_column(result.geometry, k)
+    worth, of = worth_column(geometry, k)
     rows = [
         Row((*shown.cells, Cell(of(row))), shown.tone) for row, shown in zip(offsets, table.rows, strict=True)
     ]

@@ -35,6 +35,7 @@ from .study_blocks import (
     BY_CHANCE,
     ERROR_COLUMNS,
     LONGEST_NAME,
+    NOT_DETERMINED,
     PlainRow,
     error_cells,
     how_it_was_done,
@@ -46,6 +47,7 @@ from .study_blocks import (
     share_cell,
     share_columns,
     standing_cell,
+    undetermined,
     unmet_in_words,
     verdicts,
     view_of,
@@ -63,6 +65,7 @@ def coverage_page(answer: CoverageStudy) -> Page:
             _overview(plans, settings.levels),
             Legend(meanings(estimators, [part for plan in plans for part in plan.sbc]), []),
             Paragraph(BY_CHANCE),
+            brief=True,
         ),
         how_it_was_done(
             answer,
@@ -80,7 +83,7 @@ def coverage_page(answer: CoverageStudy) -> Page:
     ]
     if text := comparison(plans):
         title = "The midpoint fit against the likelihood fit"
-        sections.append(section_of(title, Paragraph(text), FigureBlock("accuracy")))
+        sections.append(section_of(title, Paragraph(text), FigureBlock("accuracy"), brief=True))
     for number, plan in enumerate(plans, start=1):
         sections += _numbers(plan, settings, number)
     subtitle = f"{settings.data_sets} simulated data sets for each of {counted(len(plans), 'plan')}"
@@ -118,14 +121,17 @@ def _plan(plan: CoveragePlan, settings: CoverageSettings, number: int) -> list[S
         ("Data sets", str(plan.data_sets)),
         ("Targets not hit", unmet_in_words(plan.failed)),
     ]
+    if without := undetermined(plan.estimators):
+        facts.append((NOT_DETERMINED, listed(without)))
     # Facts, sentences and figure fit one page; what else there is of the plan comes at the end.
     return [
-        section_of(plan_title(plan.name), Facts(facts), new_page=True),
+        section_of(plan_title(plan.name), Facts(facts), new_page=True, brief=True),
         section_of(
             "Coverage",
             Legend([], [*verdicts(plan.estimators), *verdicts(plan.sbc)]),
             FigureBlock(f"coverage_{number}"),
             level=2,
+            brief=True,
         ),
     ]
 

@@ -6,7 +6,7 @@ HTML templates read the attributes; for typst `pdf` writes them as JSON, a block
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from ...analysis.answer.answer_message import Message
@@ -160,7 +160,8 @@ class Section:
     """A section of level 1, or of level 2 below one of level 1.
 
     `lead` stays on one page with the heading, `blocks` follow it. A section of level 1 that is `folded` shows
-    its heading alone on a screen, until it is opened; on paper it is whole.
+    its heading alone on a screen, until it is opened; on paper it is whole. `brief`: it is shown in the
+    terminal, too.
     """
 
     title: str
@@ -169,6 +170,7 @@ class Section:
     level: int = 1
     new_page: bool = False
     folded: bool = False
+    brief: bool = False
 
     @property
     def all(self) -> tuple[Block, ...]:
@@ -199,6 +201,12 @@ class Page:
     message: Message | None = None
 
     @property
+    def brief(self) -> Page:
+        """What the terminal shows of it: the sections that are `brief`, or the first one where none is."""
+        marked = [section for section in self.sections if section.brief]
+        return replace(self, sections=marked or self.sections[:1])
+
+    @property
     def chapters(self) -> list[list[Section]]:
         """The sections of level 1, each with those of level 2 below it."""
         chapters: list[list[Section]] = []
@@ -227,11 +235,13 @@ def row_of(*cells: str | Cell, tone: str = "") -> Row:
     return Row(tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in cells), tone)
 
 
-def section_of(title: str, *blocks: Block | None, level: int = 1, new_page: bool = False) -> Section:
+def section_of(
+    title: str, *blocks: Block | None, level: int = 1, new_page: bool = False, brief: bool = False
+) -> Section:
     """A section; None is left out. What leads up to its first figure stays with it, unless a table does."""
     present = tuple(block for block in blocks if block is not None)
     kinds = [block.kind for block in present]
     end = kinds.index("figure") + 1 if "figure" in kinds else 0
     if "table" in kinds[:end]:
         end = 0
-    return Section(title, present[:end], present[end:], level, new_page)
+    return Section(title, present[:end], present[end:], level, new_page, brief=brief)
