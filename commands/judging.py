@@ -14,7 +14,7 @@ from ..experiments.command_options import CompareOptions
 from ..experiments.demos import demo_runs
 from ..model.errors import BadInput, WorkersLost
 from ..model.options import Option, Seed, argument
-from .console import EXIT_STATUS, FAULT, err, out, print_json, print_picture, progress, say
+from .console import EXIT_STATUS, FAULT, err, out, print_json, progress, say, show
 from .shared_options import Cluster, Json, Picture, PlanFile, RunFile
 
 if TYPE_CHECKING:
@@ -60,7 +60,6 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     from ..analysis.observability.aim import aim_plan
     from ..experiments.plans.constraints import check_plan
     from ..model.files.plan import read_plan
-    from ..reports.output.terminal import print_page
     from ..reports.plan.check_page import check_page
 
     planned = read_plan(plan)
@@ -70,13 +69,8 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
         from ..reports.plan.plan_page import write_plan_page
 
         write_plan_page(picture, turned, checked)
-    if as_json:
-        from ..words.sentences import to_json
-
-        print_json(to_json(checked))
-    else:
-        print_page(out, check_page(replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix()))))
-        print_picture(picture)
+    typed = replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix()))
+    show(as_json, checked, lambda: check_page(typed), picture=picture)
     raise typer.Exit(EXIT_STATUS[checked.verdict])
 
 
@@ -90,6 +84,8 @@ def analyse(
     ] = None,
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
+    from ..reports.run.brief_page import brief_page
+
     recorded = _recorded(run, options.drop)
     if save is not None:
         if not options.drop:
@@ -97,15 +93,8 @@ def analyse(
         recorded = _saved(recorded, save)
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, options, tell)
-    if as_json:
-        from ..words.sentences import to_json
-
-        print_json(to_json(analysis.result))
-    else:
-        from ..reports.output.terminal import print_page
-        from ..reports.run.brief_page import brief_page
-
-        print_page(out, brief_page(_where_the_person_stands(analysis.result, save or run)))
+    typed = _where_the_person_stands(analysis.result, save or run)
+    show(as_json, analysis.result, lambda: brief_page(typed))
     raise typer.Exit(_status(analysis))
 
 
@@ -117,11 +106,9 @@ def report(
     options: AnalyseOptions,
 ) -> None:
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
-    from ..reports.output.terminal import print_page
     from ..reports.output.whole_folder import check_target
     from ..reports.run.brief_page import brief_page
     from ..reports.run.report import REPORT, write_report
-    from ..words.sentences import to_json
 
     recorded = _recorded(run, options.drop)
     check_target(folder, REPORT)
@@ -130,11 +117,8 @@ def report(
         tell("writing", 0.0)
         paths = write_report(folder, analysis.result, analysis.draws)
         tell("writing", 1.0)
-    if as_json:
-        print_json(to_json(analysis.result))
-    else:
-        print_page(out, brief_page(_where_the_person_stands(analysis.result, run)))
-        say(f"Report: {paths.html}")
+    typed = _where_the_person_stands(analysis.result, run)
+    show(as_json, analysis.result, lambda: brief_page(typed), report=paths.html)
     raise typer.Exit(_status(analysis))
 
 
@@ -153,11 +137,9 @@ def compare(
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
-    from ..reports.output.terminal import print_page
     from ..reports.output.whole_folder import check_target
     from ..reports.repeatability.comparison_folder import COMPARISON, write_comparison
     from ..reports.repeatability.comparison_page import comparison_page
-    from ..words.sentences import to_json
 
     if folder is not None:
         check_target(folder, COMPARISON)
@@ -165,13 +147,9 @@ def compare(
         comparison = compare_runs(runs, seed=options.seed, progress=tell)
         if folder is not None:
             tell("writing", 1.0)
-            paths = write_comparison(folder, comparison)
-    if as_json:
-        print_json(to_json(comparison))
-    else:
-        print_page(out, comparison_page(comparison).brief)
-        if folder is not None:
-            say(f"Comparison: {paths.html}")
+            write_comparison(folder, comparison)
+    page = None if folder is None else folder / "compare.html"
+    show(as_json, comparison, lambda: comparison_page(comparison).brief, comparison=page)
     if comparison.failed:
         raise typer.Exit(FAULT)
     raise typer.Exit(0 if comparison.verdict == "agrees" else 1)
@@ -296,8 +274,6 @@ def batch(
     from ..reports.batch.batch_page import batch_page
     from ..reports.batch.carried_out import STORE, check_target
     from ..reports.batch.carried_out import batch as carry_out
-    from ..reports.output.terminal import print_page
-    from ..words.sentences import to_json
 
     if parquet:
         require_parquet()
@@ -313,9 +289,5 @@ def batch(
             kept = f"The finished runs are kept in {folder}: the same command goes on with them."
             say(kept, to=err)
         raise
-    if as_json:
-        print_json(to_json(done))
-    else:
-        print_page(out, batch_page(done).brief)
-        say(f"Page: {folder / 'batch.html'}")
+    show(as_json, done, lambda: batch_page(done).brief, page=folder / "batch.html")
     raise typer.Exit(0 if done.passed else 1)

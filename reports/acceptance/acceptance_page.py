@@ -32,7 +32,6 @@ from ..style.blocks import (
     Page,
     Paragraph,
     Row,
-    Section,
     Table,
     Verdict,
     row_of,
@@ -106,14 +105,8 @@ def _errors_table(measured: MeasuredError, at: str) -> Table:
         after, noise = (numbers.significant(value, 2, "mm") for value in (posture.after_mm, posture.noise_mm))
         return row_of(str(posture.measurement), clipped(posture.target, 24), before, after, noise)
 
-    columns = [
-        ("measurement", "right"),
-        (at, "left"),
-        ("as found", "right"),
-        ("as left", "right"),
-        ("noise", "right"),
-    ]
-    return table_of("Error, posture by posture", columns, [row(one) for one in measured.postures])
+    columns = ["measurement", at, "as found", "as left", "noise"]
+    return table_of("Error, posture by posture", columns, [row(one) for one in measured.postures], "rlr")
 
 
 def _test(answer: AcceptanceResult) -> Iterator[Block]:
@@ -124,11 +117,11 @@ def _test(answer: AcceptanceResult) -> Iterator[Block]:
         yield Paragraph(mistake_sentence(mistake))
 
 
-def acceptance_plan_section(plan: AcceptancePlan, vendor: str | None) -> Section:
+def acceptance_plan_page(plan: AcceptancePlan, vendor: str | None) -> Page:
     """What the planned test would notice, and what to do at a controller of this vendor."""
     caution = f"Caution: {no_offsets_words(vendor)}. {_NOTHING_ENTERED}"
     count = counted(len(plan.rows), "posture")
-    return section_of(
+    section = section_of(
         "",
         Paragraph(f"{count} of the run: measurements {listed([str(row) for row in plan.rows], 20)}."),
         noticed_table(plan.offsets),
@@ -136,6 +129,7 @@ def acceptance_plan_section(plan: AcceptancePlan, vendor: str | None) -> Section
         Paragraph(narrow_sentence()) if plan.narrow else None,
         Paragraph(_STEPS if taken_by(vendor) == "offsets" else caution),
     )
+    return Page("", "", Verdict("held", "", ""), [], [section])
 
 
 def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:
@@ -150,7 +144,7 @@ def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:
         for offset in offsets
     ]
     heads = ("entered", "error of the tolerance", "not entered")
-    columns = [("name", "left"), *((head, "right") for head in heads)]
+    columns = ["name", *heads]
     return table_of("What the test notices", columns, rows)
 
 
@@ -166,9 +160,7 @@ def _compared(verified: Verified) -> Table:
         row_of("SHA-256", *(run.sha256 for run in runs)),
         row_of("zerobeam", "", versions()["zerobeam"]),
     ]
-    return table_of(
-        "The two runs", ["", ("calibration, as found", "left"), ("verification, as left", "left")], rows
-    )
+    return table_of("The two runs", ["", "calibration, as found", "verification, as left"], rows, "l")
 
 
 def _approved(run: Run) -> list[tuple[str, str]]:

@@ -106,7 +106,7 @@ def _notes(done: Batch) -> Iterator[str]:
 
 
 def _outcomes(done: Batch) -> Table:
-    columns = [("outcome", "left"), ("runs", "right"), ("share", "right")]
+    columns = ["outcome", "runs", "share"]
     rows = [
         row_of(Cell(_WORDS[outcome], mark=_MARK[outcome]), f"{number:,}", f"{number / len(done.rows):.1%}")
         for outcome, number in done.counts.items()
@@ -119,13 +119,15 @@ def _failures(done: Batch) -> list[Section]:
     rows = [row for row in done.rows if row.outcome == "failed"]
     if not rows:
         return []
-    columns = [("file", "left"), ("message", "left")]
+    columns = ["file", "message"]
     lines = [
         row_of(clipped(row.file, 60), clipped("; ".join(_lines(row.message)), _LONGEST_MESSAGE))
         for row in rows[:_MOST_NAMED]
     ]
     return [
-        section_of("Failures", table_of(_caption("Runs without a result", rows), columns, lines), brief=True)
+        section_of(
+            "Failures", table_of(_caption("Runs without a result", rows), columns, lines, "l"), brief=True
+        )
     ]
 
 
@@ -138,7 +140,7 @@ def _misfits(done: Batch) -> list[Section]:
     if not rows:
         return []
     rows = sorted(rows, key=lambda row: -(row.factor or 0.0))
-    columns = [("run", "left"), ("criteria", "left"), ("residuals / noise", "right"), ("p-value", "right")]
+    columns = ["run", "criteria", "residuals / noise", "p-value"]
     lines = [
         row_of(
             _run(row),
@@ -150,7 +152,7 @@ def _misfits(done: Batch) -> list[Section]:
         for row in rows[:_MOST_NAMED]
     ]
     about = Paragraph("The model does not describe these measurements: none of their offsets is validated.")
-    return [section_of("Lack of fit", about, table_of(_caption("Misfits", rows), columns, lines))]
+    return [section_of("Lack of fit", about, table_of(_caption("Misfits", rows), columns, lines, "llr"))]
 
 
 def _outliers(done: Batch) -> list[Block]:
@@ -162,14 +164,7 @@ def _outliers(done: Batch) -> list[Block]:
     )
     if not done.outliers:
         return [Paragraph(f"None. {explanation}")]
-    columns = [
-        ("run", "left"),
-        ("robot", "left"),
-        ("serial", "left"),
-        ("offset", "left"),
-        ("estimate", "right"),
-        ("standard deviations off", "right"),
-    ]
+    columns = ["run", "robot", "serial", "offset", "estimate", "standard deviations off"]
     rows = [
         row_of(
             clipped(arm.run, _LONGEST_NAME),
@@ -182,7 +177,7 @@ def _outliers(done: Batch) -> list[Block]:
         )
         for arm in done.outliers[:_MOST_NAMED]
     ]
-    return [Paragraph(explanation), table_of(_caption("Odd offsets", done.outliers), columns, rows)]
+    return [Paragraph(explanation), table_of(_caption("Odd offsets", done.outliers), columns, rows, "llllr")]
 
 
 def _largest(done: Batch) -> Table | None:
@@ -191,29 +186,29 @@ def _largest(done: Batch) -> Table | None:
     if not known:
         return None
     known.sort(key=lambda pair: -(pair[1].u or 0.0))
-    columns = [("run", "left"), ("outcome", "left"), ("offset", "left"), ("u", "right")]
+    columns = ["run", "outcome", "offset", "u"]
     lines = [row_of(_run(row), _outcome(row), label(worst.name), _u(worst)) for row, worst in known[:20]]
-    return table_of(f"The {len(lines)} largest", columns, lines)
+    return table_of(f"The {len(lines)} largest", columns, lines, "lllr")
 
 
 def _every(done: Batch) -> Table:
     rows = sorted(done.rows, key=lambda row: OUTCOMES.index(row.outcome))
     columns = [
-        ("run", "left"),
-        ("outcome", "left"),
-        ("robot", "left"),
-        ("serial", "left"),
-        ("when", "left"),
-        ("measurements", "right"),
-        ("worst offset", "left"),
-        ("u", "right"),
-        ("residuals / noise", "right"),
-        ("posterior", "left"),
+        "run",
+        "outcome",
+        "robot",
+        "serial",
+        "when",
+        "measurements",
+        "worst offset",
+        "u",
+        "residuals / noise",
+        "posterior",
     ]
     caption = "The gravest first; results are in the folders of these names"
     if len(rows) > _MOST_ROWS:
         caption += f". The first {_MOST_ROWS:,} of {len(rows):,}: runs.csv has all"
-    return table_of(caption, columns, [_row(row) for row in rows[:_MOST_ROWS]])
+    return table_of(caption, columns, [_row(row) for row in rows[:_MOST_ROWS]], "lllllrlrrl")
 
 
 def _row(row: BatchRow) -> Row:

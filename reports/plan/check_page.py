@@ -92,16 +92,10 @@ def _what_to_do(check: Check) -> list[Block]:
 
 def predicted_table(check: Check, rows: Iterable[CheckedParameter]) -> Table:
     """The standard uncertainties that a plan will give."""
-    columns = [
-        ("name", "left"),
-        ("status", "left"),  # second, so that a phone shows it without scrolling
-        ("predicted u", "right"),
-        (worth_column(check.geometry)[0], "right"),
-        ("without prior", "right"),
-        ("prior", "right"),
-    ]
+    columns = ["name", "status", "predicted u", worth_column(check.geometry)[0], "without prior", "prior"]
     caption = "Standard uncertainties u that these measurements will give"
-    return table_of(caption, columns, [_predicted_row(row, check.geometry) for row in rows])
+    # The status second, so that a phone shows it without scrolling.
+    return table_of(caption, columns, [_predicted_row(row, check.geometry) for row in rows], "llr")
 
 
 def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:

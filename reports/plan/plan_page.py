@@ -236,10 +236,8 @@ def _about_postures(check: Check, postures: Postures) -> str:
 
 def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
     with_beam = postures.beam
-    columns = [("posture", "right"), ("target", "left")]
-    columns += [(f"joint {j + 1}", "right") for j in range(plan.robot.n)]
-    columns += [("beam length", "right")] if with_beam else []
-    columns += [("off before aiming", "right")]
+    heads = ["posture", "target", *(f"joint {j + 1}" for j in range(plan.robot.n))]
+    heads += [*(["beam length"] if with_beam else []), "off before aiming"]
     near = f"below {numbers.exact(_NEAR_MM, 'mm')}"
     rows = []
     for i, posture in enumerate(check.postures):
@@ -254,7 +252,7 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
         tone = "" if postures.reaches[i] else "weak"
         rows.append(row_of(str(posture.posture), clipped(posture.target, 24), *joints, off, tone=tone))
     caption = "Postures, turned onto their targets" if postures.met else "Postures"
-    return table_of(caption, columns, rows)
+    return table_of(caption, heads, rows, "rlr")
 
 
 def _joints_to_copy(plan: Plan, postures: Postures) -> list[str]:

@@ -25,7 +25,7 @@ def robots_table() -> Table:
     """The built-in robots, one a line."""
     robots = [(name, stated_rows(name, Path())) for name in built_in_robots()]
     rows = [row_of(name, arm.vendor or "", arm.model or "", str(len(arm.joints))) for name, arm in robots]
-    return table_of("", ["name", ("vendor", "left"), ("model", "left"), ("joints", "left")], rows)
+    return table_of("", ["name", "vendor", "model", "joints"], rows, "l")
 
 
 def robot_page(arm: ShownArm) -> Page:
@@ -58,8 +58,7 @@ def _joints(arm: ShownArm) -> Table:
         joint = arm.robot.joints[i]
         cells = _value(lower[i], joint), _value(upper[i], joint), _speed(joint)
         rows.append(row_of(shown(arm.pendant.names[i]), shown(joint.name), joint.kind, *cells))
-    columns = [("joint", "right"), ("name", "left"), ("kind", "left")]
-    return table_of("", [*columns, "lower", "upper", "top speed"], rows)
+    return table_of("", ["joint", "name", "kind", "lower", "upper", "top speed"], rows, "rllr")
 
 
 def _conventions(pendant: Pendant) -> list[str]:
@@ -128,5 +127,5 @@ def _pose(pose: ShownPose, arm: ShownArm) -> Section:
     return section_of(
         f"Joints {', '.join(values)}",
         Paragraph(f"beyond the limits: {listed(outside)}") if outside else None,
-        table_of("", ["", ("", "left"), ("", "left")], rows),
+        table_of("", ["", "", ""], rows, "l"),
     )

@@ -21,6 +21,5 @@ def targets_table(targets: Sequence[CorrectedTarget]) -> Table:
         )
         for target in targets
     ]
-    columns = ["corrected target", "moved by, deg", "moved by, mm"]
-    joints = "at joints of the nominal arm, deg"
-    return table_of("", [*columns, ("configuration", "left"), (joints, "left")], rows)
+    heads = ["corrected target", "moved by, deg", "moved by, mm", "configuration"]
+    return table_of("", [*heads, "at joints of the nominal arm, deg"], rows, "lrrl")

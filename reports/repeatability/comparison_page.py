@@ -84,13 +84,7 @@ def comparison_page(comparison: Comparison) -> Page:
 
 
 def _means(comparison: Comparison) -> Table:
-    columns = [
-        ("offset", "left"),
-        ("mean", "right"),
-        ("95 % interval", "right"),
-        ("std of a run", "right"),
-        ("its 95 % interval", "right"),
-    ]
+    columns = ["offset", "mean", "95 % interval", "std of a run", "its 95 % interval"]
     by = {row.mean.by for row in comparison.offsets if row.mean is not None}
     source = "the prediction" if by == {"prediction"} else "the scatter of the runs (Student’s t)"
     caption = f"Mean over the runs, its interval from {source}; standard deviation of a run by the scatter"
@@ -127,14 +121,7 @@ def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]
 
 def _prediction(comparison: Comparison) -> Table | None:
     """Observed against predicted scatter, where anything is predicted."""
-    columns = [
-        ("offset", "left"),
-        ("observed", "right"),
-        ("predicted", "right"),
-        ("observed / predicted", "right"),
-        ("95 % interval", "right"),
-        ("p-value", "right"),
-    ]
+    columns = ["offset", "observed", "predicted", "observed / predicted", "95 % interval", "p-value"]
     rows = [
         row_of(
             label(row.name),
@@ -175,7 +162,7 @@ def _drift(comparison: Comparison) -> Iterator[Block]:
         f"Slope of each offset over {by}, its interval from the scatter about the line (Student’s t): it"
         " holds whatever was predicted, and is wide for few runs."
     )
-    columns = [("offset", "left"), ("slope", "right"), ("95 % interval", "right"), ("p-value", "right")]
+    columns = ["offset", "slope", "95 % interval", "p-value"]
     rows = [_drift_row(row, comparison) for row in comparison.offsets]
     yield table_of(f"Drift; {_HOLM} offsets (Holm)", columns, rows)
 
@@ -197,14 +184,9 @@ def _drift_row(row: ComparedOffset, comparison: Comparison) -> Row:
 
 
 def _against(comparison: Comparison) -> Table:
-    columns = [
-        ("run", "left"),
-        ("at", "right"),
-        ("measurements", "right"),
-        ("p-value against the others", "left"),
-    ]
+    columns = ["run", "at", "measurements", "p-value against the others"]
     rows = [_against_row(number, run, comparison) for number, run in enumerate(comparison.runs, start=1)]
-    return table_of(f"Each run against all others; {_HOLM} runs (Holm)", columns, rows)
+    return table_of(f"Each run against all others; {_HOLM} runs (Holm)", columns, rows, "lrrl")
 
 
 def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
@@ -222,7 +204,7 @@ def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
 
 
 def _runs(comparison: Comparison) -> Table:
-    columns = [("run", "left"), *((label(row.name), "right") for row in comparison.offsets)]
+    columns = ["run", *(label(row.name) for row in comparison.offsets)]
     rows = [
         row_of(clipped(run.name, _LONGEST_NAME), *(_estimate(offset) for offset in run.offsets))
         for run in comparison.runs

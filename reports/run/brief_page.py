@@ -145,8 +145,8 @@ def side_by_side(titles: Sequence[str], results: Sequence[Result]) -> Table:
         for name in dict.fromkeys(estimated)
     ]
     table.append(row_of("verdict", *(verdict_words(result.verdict, judged(result)) for result in results)))
-    columns = [("", "left"), *((title, "left") for title in titles)]
-    return table_of("Offsets and tool: estimate ± U (k = 2), and the true value", columns, table)
+    columns = ["", *titles]
+    return table_of("Offsets and tool: estimate ± U (k = 2), and the true value", columns, table, "l")
 
 
 def _compared(row: ParameterResult | None, result: Result) -> str | Cell:

@@ -30,7 +30,6 @@ from ..style.blocks import (
     Cell,
     Column,
     FigureBlock,
-    Head,
     Legend,
     LegendEntry,
     Paragraph,
@@ -141,12 +140,12 @@ def parameter_table(caption: str, rows: Sequence[ParameterResult], k: float, hea
     """Parameters with their expanded uncertainties, U = `k` u; what is unvalidated has none. The interval of
     a noise factor, which is not symmetric, is given in place of U."""
     noise = any(row.group == "noise" for row in rows)
-    columns: list[Head] = ["name", "estimate", "95 % interval" if noise else head, ("status", "left")]
+    columns = ["name", "estimate", "95 % interval" if noise else head, "status"]
     shown = [_parameter_row(row, k) for row in rows]
     if any(row.status == "unvalidated" for row in rows):
         del columns[2]
         shown = [_without_u(row) for row in shown]
-    return table_of(caption, columns, shown)
+    return table_of(caption, columns, shown, "lrrl" if len(columns) == 4 else "lrl")
 
 
 def _without_u(row: Row) -> Row:
@@ -376,8 +375,9 @@ def truth_table(true: Mapping[str, float], rows: Iterable[Estimated], k: float) 
     ]
     if not known:
         return None
-    columns: list[Head] = [(head, "right") for head in ("true value", "estimate", "error", "error over U")]
-    return table_of("True values of the simulated arm", [("name", "left"), *columns], known)
+    return table_of(
+        "True values of the simulated arm", ["name", "true value", "estimate", "error", "error over U"], known
+    )
 
 
 def _row(name: str, unit: str, true: float, estimate: float, expanded: float) -> Row:

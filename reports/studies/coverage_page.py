@@ -19,7 +19,6 @@ from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
-    Head,
     Legend,
     Page,
     Paragraph,
@@ -98,7 +97,7 @@ OVERVIEW = "Share of intervals that hold the truth, in %: the parameter farthest
 
 def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns: list[Head] = ["estimator", ("intervals", "left"), *map(percent, levels)]
+    columns = ["estimator", "intervals", *map(percent, levels)]
     rows = []
     for plan in plans:
         rows.append(row_of(plan_title(plan.name), Cell(sentence(plan.words), span=len(columns) - 1)))
@@ -106,7 +105,7 @@ def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
             cells = [worst_cell(estimator, level) for level in levels]
             name, verdict = clipped(estimator.name, LONGEST_NAME), standing_cell(estimator)
             rows.append(row_of(name, verdict, *cells, tone=verdict.mark))
-    return table_of(OVERVIEW, columns, rows)
+    return table_of(OVERVIEW, columns, rows, "llr")
 
 
 # ── one plan ──────────────────────────────────────────────────────────────────────────────────

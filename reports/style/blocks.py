@@ -5,7 +5,7 @@ HTML templates read the attributes; for typst `pdf` writes them as JSON, a block
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -217,18 +217,12 @@ class Page:
         return chapters
 
 
-Head = str | tuple[str, str]  # of a column, with `left` or `right` where it is not as usual
-
-
-def table_of(caption: str, columns: Sequence[Head], rows: Sequence[Row]) -> Table:
-    """A table; a column is stated by its head, with `left` or `right` where it is not as usual: names to the
-    left in the first column, numbers to the right in the others."""
-    usual = ["left", *["right"] * len(columns)]
-    pairs = [
-        (column, align) if isinstance(column, str) else column
-        for column, align in zip(columns, usual, strict=False)
-    ]
-    return Table(caption, tuple(Column(*pair) for pair in pairs), tuple(rows))
+def table_of(caption: str, heads: Sequence[str], rows: Iterable[Row], aligned: str = "lr") -> Table:
+    """A table; `aligned` has l (left) or r (right) for each column, its last letter for all that follow."""
+    letters = aligned.ljust(len(heads), aligned[-1])
+    sides = {"l": "left", "r": "right"}
+    columns = [Column(head, sides[letter]) for head, letter in zip(heads, letters, strict=False)]
+    return Table(caption, tuple(columns), tuple(rows))
 
 
 def row_of(*cells: str | Cell, tone: str = "") -> Row:
