@@ -12,7 +12,7 @@ from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, Verified, accepta
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
 from ...words.acceptance_words import ACCEPTANCE_WORDS
-from ..output.whole_folder import Contents, Kind, write_answer
+from ..output.whole_folder import FolderContents, Kind, write_answer
 from .acceptance_page import acceptance_page, errors_picture
 
 _TABLE = "errors.csv"
@@ -23,7 +23,7 @@ def write_acceptance_report(folder: Path | str, verified: Verified) -> None:
     """Write the report of an acceptance test to `folder`. Raises as `write_answer`."""
     tables = {_TABLE: [asdict(posture) for posture in verified.measured.postures]}
     picture = errors_picture(verified.measured)
-    contents = Contents(acceptance_page(verified), acceptance_json(verified), [picture], tables)
+    contents = FolderContents(acceptance_page(verified), acceptance_json(verified), [picture], tables)
     write_answer(folder, ACCEPTANCE, contents)
 
 

@@ -32,7 +32,7 @@ from ...words.provenance import (
     traced,
 )
 from ..acceptance.acceptance_folder import read_acceptance
-from ..output.whole_folder import Contents, Kind, write_answer
+from ..output.whole_folder import FolderContents, Kind, write_answer
 from .certificate_page import SIGNED, certificate_page
 
 if TYPE_CHECKING:
@@ -296,7 +296,7 @@ def write_certificate(
         for name in SIGNED:
             sign(new_folder / name, key)
 
-    contents = Contents(certificate_page(certificate), certificate, others=sign_all)
+    contents = FolderContents(certificate_page(certificate), certificate, others=sign_all)
     write_answer(folder, _KIND, contents)
     return by
 

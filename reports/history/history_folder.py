@@ -23,7 +23,7 @@ from ...experiments.history.fleet_drift import fleet_drift
 from ...experiments.processes import side_by_side
 from ...model.records import to_json
 from ..output import whole_folder
-from ..output.whole_folder import LITTER, Contents, Kind, write_answer, write_files, write_folder
+from ..output.whole_folder import LITTER, FolderContents, Kind, write_answer, write_files, write_folder
 from .arm_page import ArmHistory, arm_page, headline, state_row
 from .fleet_page import MOST_ROWS, Fleet, due_picture, fleet_page
 from .lists import offset_rows
@@ -111,10 +111,10 @@ def safe_name(serial: str, model: str) -> str:
     return f"{plain}-{digest}" if plain else digest
 
 
-def _of_arm(history: ArmHistory) -> Contents:
+def _of_arm(history: ArmHistory) -> FolderContents:
     pictures = trend_pictures(history.arm, history.events, history.never)
     tables = {_ARM_TABLE: offset_rows(history.results)}
-    return Contents(arm_page(history), to_json(arm_document(history)), pictures, tables)
+    return FolderContents(arm_page(history), to_json(arm_document(history)), pictures, tables)
 
 
 def _write_fleet(
@@ -157,7 +157,9 @@ def _write_fleet(
     fleet = Fleet(tuple(rows), pages, tolerance_mm, as_of, drift)
     pictures = [] if as_of is None else [due_picture(rows, as_of)]
     tables = {_FLEET_TABLE: map(state_row, rows)}
-    write_files(folder, _FLEET, Contents(fleet_page(fleet), to_json(fleet_document(fleet)), pictures, tables))
+    write_files(
+        folder, _FLEET, FolderContents(fleet_page(fleet), to_json(fleet_document(fleet)), pictures, tables)
+    )
     return fleet
 
 

@@ -56,7 +56,7 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Contents:
+class FolderContents:
     """What is written of an answer: its page with pictures and scene, itself as JSON, rows by the name of the
     CSV file, and `others`, which are written last."""
 
@@ -221,7 +221,7 @@ def _cannot_write(where: Path, kind: Kind, error: OSError) -> NotWritten:
     )
 
 
-def write_answer(folder: Path | str, kind: Kind, contents: Contents) -> Written:
+def write_answer(folder: Path | str, kind: Kind, contents: FolderContents) -> Written:
     """Write an answer to `folder`, replacing one of its kind that zerobeam wrote there before.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
@@ -238,7 +238,7 @@ def write_answer(folder: Path | str, kind: Kind, contents: Contents) -> Written:
     )
 
 
-def write_files(folder: Path, kind: Kind, contents: Contents) -> list[str]:
+def write_files(folder: Path, kind: Kind, contents: FolderContents) -> list[str]:
     """Write all files of an answer into an empty folder; returns the names of the figures. The HTML of a
     report carries its answer."""
     page, answer = contents.page, dumps(contents.answer)

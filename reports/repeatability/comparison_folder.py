@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...analysis.repeatability.compare import COMPARE_SCHEMA, Comparison
 from ...words.sentences import to_json
-from ..output.whole_folder import Contents, Kind, Written, write_answer
+from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from .comparison_page import comparison_page, runs_picture
 
 _TABLE = "offsets.csv"
@@ -18,7 +18,7 @@ def write_comparison(folder: Path | str, comparison: Comparison) -> Written:
     """Write a comparison (`zerobeam/compare/1`) to `folder`. Raises as `write_answer`."""
     tables = {_TABLE: offset_rows(comparison)}
     page, picture = comparison_page(comparison), runs_picture(comparison)
-    return write_answer(folder, COMPARISON, Contents(page, to_json(comparison), [picture], tables))
+    return write_answer(folder, COMPARISON, FolderContents(page, to_json(comparison), [picture], tables))
 
 
 def offset_rows(comparison: Comparison) -> Iterator[dict[str, object]]:

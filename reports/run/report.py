@@ -11,7 +11,7 @@ from ...words.message import judged, message
 from ...words.sentences import to_json
 from ...words.wording import clipped, counted
 from ..output.posterior_file import write_posterior
-from ..output.whole_folder import Contents, Kind, Written, write_answer
+from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..scenes.turnable import still_picture
 from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
@@ -135,7 +135,7 @@ def write_report(folder: Path | str, result: Result, draws: Draws | None = None)
     """
     turnable = run_turnable(result)
     still = None if turnable is None else still_picture(turnable)
-    contents = Contents(
+    contents = FolderContents(
         report_page(result),
         to_json(result),
         [*pictures(result, draws).values(), still],

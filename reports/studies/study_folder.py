@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from ...experiments.studies.answer import SCHEMA, StudyAnswer, to_json
-from ..output.whole_folder import Contents, Kind, Written, write_answer
+from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from .kinds import study_of, study_of_file
 
 _JSON = "study.json"
@@ -17,7 +17,7 @@ def write_study(folder: Path | str, answer: StudyAnswer) -> Written:
     holds a number that is not finite."""
     study = study_of(answer)
     tables = {name: rows(answer) for name, rows in study.tables.items()}
-    contents = Contents(study.page(answer), to_json(answer), study.drawn(answer), tables)
+    contents = FolderContents(study.page(answer), to_json(answer), study.drawn(answer), tables)
     return write_answer(folder, study_kind(folder), contents)
 
 
