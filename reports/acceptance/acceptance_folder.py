@@ -23,7 +23,7 @@ def write_acceptance_report(folder: Path | str, verified: Verified) -> None:
     """Write the report of an acceptance test to `folder`. Raises as `write_answer`."""
     tables = {_TABLE: [asdict(posture) for posture in verified.measured.postures]}
     picture = errors_picture(verified.measured)
-    contents = FolderContents(acceptance_page(verified), acceptance_json(verified), [picture], tables)
+    contents = FolderContents(acceptance_json(verified), acceptance_page(verified), [picture], tables)
     write_answer(folder, ACCEPTANCE, contents)
 
 

@@ -296,7 +296,7 @@ def write_certificate(
         for name in SIGNED:
             sign(new_folder / name, key)
 
-    contents = FolderContents(certificate_page(certificate), certificate, others=sign_all)
+    contents = FolderContents(certificate, certificate_page(certificate), others=sign_all)
     write_answer(folder, _KIND, contents)
     return by
 

@@ -114,7 +114,7 @@ def safe_name(serial: str, model: str) -> str:
 def _of_arm(history: ArmHistory) -> FolderContents:
     pictures = trend_pictures(history.arm, history.events, history.never)
     tables = {_ARM_TABLE: offset_rows(history.results)}
-    return FolderContents(arm_page(history), to_json(arm_document(history)), pictures, tables)
+    return FolderContents(to_json(arm_document(history)), arm_page(history), pictures, tables)
 
 
 def _write_fleet(
@@ -158,7 +158,7 @@ def _write_fleet(
     pictures = [] if as_of is None else [due_picture(rows, as_of)]
     tables = {_FLEET_TABLE: map(state_row, rows)}
     write_files(
-        folder, _FLEET, FolderContents(fleet_page(fleet), to_json(fleet_document(fleet)), pictures, tables)
+        folder, _FLEET, FolderContents(to_json(fleet_document(fleet)), fleet_page(fleet), pictures, tables)
     )
     return fleet
 

@@ -57,11 +57,11 @@ class Kind:
 
 @dataclass(frozen=True)
 class FolderContents:
-    """What is written of an answer: its page with pictures and scene, itself as JSON, rows by the name of the
+    """What is written of an answer: itself as JSON, its page with pictures and scene, rows by the name of the
     CSV file, and `others`, which are written last."""
 
-    page: Page
     answer: dict[str, Any]
+    page: Page
     pictures: Iterable[Picture | None] = ()
     tables: Mapping[str, Iterable[Row]] = field(default_factory=dict)
     turnable: Turnable | None = None

@@ -18,7 +18,7 @@ def write_comparison(folder: Path | str, comparison: Comparison) -> Written:
     """Write a comparison (`zerobeam/compare/1`) to `folder`. Raises as `write_answer`."""
     tables = {_TABLE: offset_rows(comparison)}
     page, picture = comparison_page(comparison), runs_picture(comparison)
-    return write_answer(folder, COMPARISON, FolderContents(page, to_json(comparison), [picture], tables))
+    return write_answer(folder, COMPARISON, FolderContents(to_json(comparison), page, [picture], tables))
 
 
 def offset_rows(comparison: Comparison) -> Iterator[dict[str, object]]:

@@ -133,11 +133,11 @@ def write_report(folder: Path | str, result: Result, draws: Draws | None = None)
     >>> paths.html.name, paths.posterior.name
     ('report.html', 'posterior.nc')
     """
-    turnable = run_turnable(result)
+    answer, turnable = to_json(result), run_turnable(result)
     still = None if turnable is None else still_picture(turnable)
     contents = FolderContents(
+        answer,
         report_page(result),
-        to_json(result),
         [*pictures(result, draws).values(), still],
         turnable=turnable,
         others=lambda new: None if draws is None else write_posterior(new / _DRAWS, result, draws),

@@ -17,7 +17,7 @@ def write_study(folder: Path | str, answer: StudyAnswer) -> Written:
     holds a number that is not finite."""
     study = study_of(answer)
     tables = {name: rows(answer) for name, rows in study.tables.items()}
-    contents = FolderContents(study.page(answer), to_json(answer), study.drawn(answer), tables)
+    contents = FolderContents(to_json(answer), study.page(answer), study.drawn(answer), tables)
     return write_answer(folder, study_kind(folder), contents)
 
 

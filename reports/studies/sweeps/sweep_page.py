@@ -124,7 +124,8 @@ def _summary(study: GridStudy) -> Table:
     if len(shown) < len(study.cases):
         caption += f" (the {len(shown)} best of {len(study.cases)} cases shown, all in cases.csv)"
     sides = "".join("r" if i and axis.numeric else "l" for i, axis in enumerate(study.axes))
-    return table_of(caption, columns, rows, f"{sides}lr")
+    aligned = f"{sides}l{'r' if counts else ''}r{'l' if simulated else ''}r"
+    return table_of(caption, columns, rows, aligned)
 
 
 def _best(cases: Sequence[GridCase]) -> list[GridCase]:
