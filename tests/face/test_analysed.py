@@ -97,7 +97,7 @@ def test_it_says_in_short_what_it_is(good: zb.Analysed, x_pattern: zb.Analysed) 
     assert repr(good).startswith("Solution of good.jsonl")
     for sol in (good, x_pattern):
         lines = repr(sol).splitlines()
-        assert len(lines) < 20
+        assert len(lines) < 25
         assert max(map(len, lines)) < 110
     (row,) = (line for line in repr(x_pattern).splitlines() if "J2 (δ2)  " in line)
     assert " ".join(row.split()[2:]) == "not determined by these data ✕ unidentifiable —"
