@@ -175,7 +175,7 @@ def table_lines(table: Table, width: int) -> list[Text]:
     """A table in lines of so many letters, if its words allow: numbers to the right, a head over its numbers.
     A cell over several columns may run on to the end of its line."""
     sizes = _sizes(table, width)
-    heads = [textwrap.wrap(column.text, size) for column, size in zip(table.columns, sizes, strict=True)]
+    heads = [_wrapped(column.text, size) for column, size in zip(table.columns, sizes, strict=True)]
     tallest = max(map(len, heads), default=0)
     aligns = [column.align for column in table.columns]
     head = [
@@ -229,7 +229,8 @@ def _sizes(table: Table, width: int) -> list[int]:
             at += cell.span
     sizes = [max(map(len, column), default=0) for column in texts]
     for k, column in enumerate(table.columns):
-        head = textwrap.wrap(column.text, max(_HEAD, sizes[k])) if column.align == "right" else [column.text]
+        room = max(_HEAD, sizes[k], *map(len, column.text.split(" ")))
+        head = _wrapped(column.text, room) if column.align == "right" else [column.text]
         sizes[k] = max([sizes[k], *map(len, head)])
         texts[k].append(column.text)
     for start, end, letters in wide:
