@@ -27,10 +27,9 @@ from ..reports.run.parameter_section import worth_column
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.geometry_words import check_lines
+from ..words.message import message
 from ..words.numbers import unit_of
-from ..words.plan_message import plan_message
 from ..words.sentences import to_json
-from ..words.verdict import tone_of
 from ..words.wording import clipped, counted, label
 from .checked_arguments import require_plan, vector
 from .in_app import AppView, app_of, write_plan_beside
@@ -127,13 +126,14 @@ class CheckedPlan(Check):
         return card(self._page(), [_table(self)])
 
     def _page(self) -> Page:
+        content = message(self)
         return Page(
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
-            Verdict(tone_of(self.verdict), "", ""),
+            Verdict(content.grade or "held", "", ""),
             check_lines(self),
             [],
-            message=plan_message(self),
+            message=content,
         )
 
 

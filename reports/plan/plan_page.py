@@ -23,9 +23,10 @@ from ...model.files.plan import Plan
 from ...model.files.whole_file import write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
+from ...words.message import VERDICT_WORDS, headline, message
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines, rank_facts
-from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
+from ...words.plan_words import check_notes
 from ...words.wording import clipped, counted, label, listed, person, sentence, shown
 from ..output.html import Turnable, html
 from ..run.parameter_section import legend, reasons, worth_column
@@ -158,8 +159,8 @@ def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
 
 def verdict_on(check: Check) -> Verdict:
     """The verdict on a plan, as a page has it."""
-    text = sentence(check_headline(check, person))
-    return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], text)
+    text = sentence(headline(check, person))
+    return Verdict(message(check).grade or "held", VERDICT_WORDS[check.verdict], text)
 
 
 def _page(plan: Plan, check: Check, postures: Postures) -> Page:

@@ -13,9 +13,7 @@ from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.geometry_words import worth_sentence
-from ...words.judgement import verdict_words
-from ...words.message import judged, message
-from ...words.verdict import check_headline
+from ...words.message import headline, message, verdict_words
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
 from ..run.fit_section import diagnosis_section, hold_out_section, intervals_section, robust_section
 from ..run.geometry_section import geometry_lines
@@ -85,7 +83,7 @@ def print_proposal(console: Console, made: MadePlan) -> None:
     if check is None:
         console.print(Text(" ".join(made.sentences)))
         return
-    print_verdict(console, check.verdict, check_headline(check, person))
+    print_verdict(console, check.verdict, headline(check, person))
     table = Table(box=None, pad_edge=False)
     table.add_column("name")
     table.add_column("predicted u", justify="right")
@@ -180,8 +178,10 @@ def print_side_by_side(console: Console, titles: Sequence[str], results: Sequenc
             label(name),
             *(_compared(by_name.get(name), result) for by_name, result in zip(rows, results, strict=True)),
         )
-    worth = [(result.verdict, judged(result)) for result in results]
-    verdicts = [Text(verdict_words(word, one), style=VERDICT_STYLE[one.grade]) for word, one in worth]
+    worth = [(result.verdict, message(result)) for result in results]
+    verdicts = [
+        Text(verdict_words(word, one), style=VERDICT_STYLE[one.grade or "held"]) for word, one in worth
+    ]
     table.add_section()
     table.add_row("verdict", *verdicts)
     console.print(table)

@@ -14,10 +14,10 @@ from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
 from ...words import numbers
 from ...words.geometry_words import check_lines
+from ...words.message import VERDICT_WORDS, headline, message
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
-from ...words.plan_message import plan_action
-from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
+from ...words.plan_words import check_notes
 from ...words.wording import ended, label, person, sentence
 from ..run.parameter_section import worth_column
 from ..run.unobservable import direction_words
@@ -26,10 +26,10 @@ from ..style.rich_console import VERDICT_STYLE, marked, note
 
 def print_check(console: Console, check: Check) -> None:
     """The answer of `check`: verdict, predicted standard uncertainties, null-space directions, notes."""
-    print_verdict(console, check.verdict, check_headline(check, person))
+    print_verdict(console, check.verdict, headline(check, person))
     print_notes(console, [sentence(note) for note in check_notes(check)])
     if check.violations:
-        print_action(console, plan_action(check))
+        print_action(console, message(check).action)
     console.print(Text("What this plan will determine", style="italic"))
     table = Table(box=None, pad_edge=False)
     worth, of = worth_column(check.geometry)

@@ -6,8 +6,7 @@ import pytest
 
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.words.message import message
-from zerobeam.words.next_steps import next_steps
+from zerobeam.words.message import message, next_steps
 
 
 @pytest.mark.parametrize(("number", "verdict"), [(0, "pass"), (1, "degenerate")])
