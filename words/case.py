@@ -26,7 +26,7 @@ _SAFE = re.compile(r"[\w./+@-]+")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Case:
+class RunCase:
     """`stopped` says why the fit did not converge; `findings` are the criteria of a misfit, what else speaks
     against model and values, and the placements that are off. `result` is None while a run is being measured:
     no cause of a misfit was looked for then. `name` writes the names of parameters."""
@@ -45,7 +45,7 @@ class Case:
     name: Namer = person
 
     @classmethod
-    def of_result(cls, result: Result, name: Namer = person) -> Case:
+    def of_result(cls, result: Result, name: Namer = person) -> RunCase:
         """Of a whole answer."""
         criteria = () if result.misfit is None else result.misfit.criteria
         others = (one for one in result.findings or () if not isinstance(one, get_args(Criterion)))
@@ -65,7 +65,9 @@ class Case:
         )
 
     @classmethod
-    def so_far(cls, solution: Solution, run: str, header: Mapping[str, object], name: Namer = person) -> Case:
+    def so_far(
+        cls, solution: Solution, run: str, header: Mapping[str, object], name: Namer = person
+    ) -> RunCase:
         """Of a fit alone, to the measurements that a `run` of that name has."""
         return cls(
             verdict=solution.verdict,
@@ -117,8 +119,8 @@ class Case:
 
     @property
     def provenance(self) -> Mapping[str, object]:
-        stated = self.header.get("provenance")
-        return stated if isinstance(stated, Mapping) else {}
+        provenance = self.header.get("provenance")
+        return provenance if isinstance(provenance, Mapping) else {}
 
     @property
     def simulated(self) -> bool:

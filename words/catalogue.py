@@ -60,7 +60,7 @@ from ..analysis.tight_priors import TightPrior
 from ..model.files.run import in_no_file
 from ..model.instruments.kind import Assumption
 from . import numbers
-from .case import Case
+from .case import RunCase
 from .controllers import export_command, export_sentence, lacks_factory_calibration, taken_by
 from .enter import conformity_sentence, expected_sentence
 from .finding_words import finding_sentence, likelihood_message
@@ -82,7 +82,7 @@ from .wording import Namer, are, capital, clipped, listed, person
 
 # `stop`: no value of the answer is relied on. `doubt`: none is entered yet. `note`: it is said.
 Gravity = Literal["stop", "doubt", "note"]
-Place = Literal["cause or caution", "cause", "caution", "before the cause", "nowhere"]
+Standing = Literal["cause or caution", "cause", "caution", "before the cause", "nowhere"]
 About = Literal["model", "measurements", "values", "file"]
 
 
@@ -95,7 +95,7 @@ A = TypeVar("A", bound=_Answer)
 
 
 @dataclass(frozen=True)
-class Entry(Generic[A]):
+class FindingEntry(Generic[A]):
     """`finding` is its type, or a name for what `found` finds in an answer.
 
     `sentence`, `remedy` and `command` are made of a finding and the answer that has it. Without `sentence` a
@@ -110,7 +110,7 @@ class Entry(Generic[A]):
     sentence: Callable[[Any, A], str | None] | None = None
     remedy: Callable[[Any, A], str] | None = None
     command: Callable[[Any, A], str | None] | None = None
-    place: Place | None = None
+    place: Standing | None = None
     about: About = "values"
     silences: frozenset[About] = frozenset()
     colour: Grade | None = None
@@ -123,14 +123,14 @@ class Entry(Generic[A]):
         return (one for one in answer.findings if type(one) is self.finding)
 
 
-class Row(NamedTuple):
+class FindingRow(NamedTuple):
     """A finding of an answer with its entry."""
 
-    entry: Entry[Any]
+    entry: FindingEntry[Any]
     finding: Any
 
     @property
-    def stands(self) -> Place:
+    def stands(self) -> Standing:
         return self.entry.place or ("caution" if self.entry.grade == "note" else "cause or caution")
 
     def sentence(self, answer: Any) -> str | None:
@@ -150,14 +150,14 @@ class Row(NamedTuple):
         return Action(entry.remedy(self.finding, answer), command)
 
 
-def rows_of(answer: A, table: Sequence[Entry[A]]) -> list[Row]:
+def rows_of(answer: A, table: Sequence[FindingEntry[A]]) -> list[FindingRow]:
     """What is found in an answer, in the order of the table, without what is silenced."""
-    rows = [Row(entry, one) for entry in table for one in entry.of(answer)]
+    rows = [FindingRow(entry, one) for entry in table for one in entry.of(answer)]
     silent = frozenset[About]().union(*(row.entry.silences for row in rows))
     return [row for row in rows if row.entry.about not in silent]
 
 
-def graded(rows: Sequence[Row], verdict: PlanVerdict) -> tuple[Grade, May]:
+def graded(rows: Sequence[FindingRow], verdict: PlanVerdict) -> tuple[Grade, May]:
     """How an answer with these findings is coloured, and what may be done with it."""
     grades = {row.entry.grade for row in rows}
     colour: Grade = next((row.entry.colour for row in rows if row.entry.colour), "pass")
@@ -171,12 +171,14 @@ class SaidToEnterNothing:
     """A result of an earlier version says that nothing is to be entered, and not why."""
 
 
-def against(findings: Iterable[object]) -> Row | None:
+def against(findings: Iterable[object]) -> FindingRow | None:
     """The gravest of the findings that speak against values although the model describes the measurements,
     with its entry; None where nothing does."""
     every = tuple(findings)
     stops = [entry for entry in RUN if entry.grade == "stop" and entry.about != "model"]
-    return next((Row(entry, one) for entry in stops for one in every if type(one) is entry.finding), None)
+    return next(
+        (FindingRow(entry, one) for entry in stops for one in every if type(one) is entry.finding), None
+    )
 
 
 # Of a run's model
@@ -188,11 +190,11 @@ _ESTIMATE_LINKS = (
 )
 
 
-def _again(finding: object, case: Case) -> str:
+def _again(finding: object, case: RunCase) -> str:
     return case.again
 
 
-def _plan(finding: object, case: Case) -> str | None:
+def _plan(finding: object, case: RunCase) -> str | None:
     return case.plan
 
 
@@ -201,19 +203,19 @@ def _always(text: str) -> Callable[[Any, Any], str]:
     return lambda finding, answer: text
 
 
-def _held(case: Case) -> Iterator[list[str]]:
+def _held(case: RunCase) -> Iterator[list[str]]:
     if case.misfit is not None and case.held:
         yield case.held
 
 
-def _held_sentence(names: list[str], case: Case) -> str:
+def _held_sentence(names: list[str], case: RunCase) -> str:
     return f"{are(names, case.name)} held, not estimated: that alone can cause a misfit."
 
 
-def _after_held(mended: Callable[[Any, Case], str]) -> Callable[[Any, Case], str]:
+def _after_held(mended: Callable[[Any, RunCase], str]) -> Callable[[Any, RunCase], str]:
     """What mends a model; offsets that the header holds are to be estimated first."""
 
-    def remedy(finding: Any, case: Case) -> str:
+    def remedy(finding: Any, case: RunCase) -> str:
         named = [listed(list(map(person, names))) for names in _held(case)]
         first = "".join(f"Estimate {names} too. If the misfit stays: " for names in named)
         return f"Enter nothing. {first}{mended(finding, case)}"
@@ -221,7 +223,7 @@ def _after_held(mended: Callable[[Any, Case], str]) -> Callable[[Any, Case], str
     return remedy
 
 
-def _diagnosed(case: Case) -> Iterator[Sequence[Explanation]]:
+def _diagnosed(case: RunCase) -> Iterator[Sequence[Explanation]]:
     if not case.sound and case.diagnosis:
         yield case.diagnosis
 
@@ -231,41 +233,43 @@ def _likely(diagnosis: Sequence[Explanation]) -> Sequence[Explanation]:
     return undecided(diagnosis)[:_MOST_NAMED] or diagnosis[:1]
 
 
-def _mend_causes(diagnosis: Sequence[Explanation], case: Case) -> str:
+def _mend_causes(diagnosis: Sequence[Explanation], case: RunCase) -> str:
     first, *others = _likely(diagnosis)
     if not others:
         return mend(first)
     return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in (first, *others))
 
 
-def _analyse_mended(diagnosis: Sequence[Explanation], case: Case) -> str | None:
+def _analyse_mended(diagnosis: Sequence[Explanation], case: RunCase) -> str | None:
     if all(map(by_another_run, _likely(diagnosis))):
         return None
     dropped = diagnosis[0].cause == "measurements" and not in_no_file(case.run)
     return case.again + (f" --drop {','.join(map(str, diagnosis[0].measurements))}" if dropped else "")
 
 
-def _look(criterion: object, case: Case) -> str:
+def _look(criterion: object, case: RunCase) -> str:
     if case.diagnosis is None:
         return "Analyse the run: that says what could be wrong."
     return "Check joint columns, signs, units, targets and geometry, then measure again."
 
 
-def _criterion(kind: type, mended: Callable[[Any, Case], str] = _look, **more: Any) -> Entry[Case]:
+def _criterion(
+    kind: type, mended: Callable[[Any, RunCase], str] = _look, **more: Any
+) -> FindingEntry[RunCase]:
     """A criterion of a misfit: the cause where there is no diagnosis."""
     usual: dict[str, Any] = {"place": "cause", "command": _again, "silences": frozenset({"values"})}
-    return Entry(kind, "stop", remedy=_after_held(mended), about="model", **(usual | more))
+    return FindingEntry(kind, "stop", remedy=_after_held(mended), about="model", **(usual | more))
 
 
-def _lack_of_fit(misfit: LackOfFit, case: Case) -> str:
+def _lack_of_fit(misfit: LackOfFit, case: RunCase) -> str:
     text = finding_sentence(misfit, case.name).removeprefix("Lack of fit: ")
     return text if case.diagnosis is None else f"{text}. No cause that was tried explains it"
 
 
-def _moved(kind: type[Displacement] | type[RecordingStep]) -> Callable[[Case], Iterator[Any]]:
+def _moved(kind: type[Displacement] | type[RecordingStep]) -> Callable[[RunCase], Iterator[Any]]:
     """The targets that moved, but for those that the diagnosis names."""
 
-    def find(case: Case) -> Iterator[Any]:
+    def find(case: RunCase) -> Iterator[Any]:
         best = case.diagnosis[0] if case.diagnosis else None
         named = best.targets if best is not None and best.cause == "moved_target" else ()
         yield from (one for one in case.findings if isinstance(one, kind) and one.target not in named)
@@ -273,7 +277,7 @@ def _moved(kind: type[Displacement] | type[RecordingStep]) -> Callable[[Case], I
     return find
 
 
-def _analyse_apart(moved: Displacement, case: Case) -> str:
+def _analyse_apart(moved: Displacement, case: RunCase) -> str:
     target = clipped(moved.target)
     if moved.station:
         return (
@@ -286,7 +290,7 @@ def _analyse_apart(moved: Displacement, case: Case) -> str:
     )
 
 
-def _record_again(step: RecordingStep, case: Case) -> str:
+def _record_again(step: RecordingStep, case: RunCase) -> str:
     fixed = f"{clipped(step.target)} and the arm's base" if step.station else "the target"
     return (
         f"Remove {measurements(step.first_shot, step.last_shot)} of {clipped(step.target)} from the run, or"
@@ -294,7 +298,7 @@ def _record_again(step: RecordingStep, case: Case) -> str:
     )
 
 
-def _look_for_change(change: RunChange, case: Case) -> str:
+def _look_for_change(change: RunChange, case: RunCase) -> str:
     what = dict.fromkeys(map(_changed, (change, *change.elsewhere[: _MOST_NAMED - 1])))
     return f"Look for what changed {' or '.join(what)} during the run, and record the run again."
 
@@ -310,7 +314,7 @@ _MOST_STEPS = 2  # that are no misfit
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
 
 
-def _placement_off(placement: HoldOut, case: Case) -> str:
+def _placement_off(placement: HoldOut, case: RunCase) -> str:
     residual, expected = (
         numbers.or_words(value, "unknown", "mm") for value in (placement.rms_mm, placement.expected_mm)
     )
@@ -320,12 +324,12 @@ def _placement_off(placement: HoldOut, case: Case) -> str:
     )
 
 
-def _check_placement(placement: HoldOut, case: Case) -> str:
+def _check_placement(placement: HoldOut, case: RunCase) -> str:
     name = clipped(placement.placements[0])
     return f"Check placement {name} before you enter anything: measure there again."
 
 
-def _look_at_held_out(misfit: HeldOutMisfit, case: Case) -> str:
+def _look_at_held_out(misfit: HeldOutMisfit, case: RunCase) -> str:
     where = "at the held-out target" if misfit.run is None else "in the held-out run"
     return f"Enter nothing yet: look for what differs {where}."
 
@@ -353,11 +357,11 @@ def _why_open(one: Open, name: Namer) -> str:
     return by_tolerances(cause, one.row.tolerance_share) or reason(cause, name)
 
 
-def _determine(one: Open, case: Case) -> str:
+def _determine(one: Open, case: RunCase) -> str:
     return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
 
 
-def _plan_or_again(one: Open, case: Case) -> str | None:
+def _plan_or_again(one: Open, case: RunCase) -> str | None:
     return case.again if isinstance(one.direction.cause, _IN_THE_HEADER) else case.plan
 
 
@@ -367,26 +371,26 @@ def _assumed(rows: Iterable[Any]) -> list[tuple[Assumption, ...]]:
     return [cause.of for cause in causes if isinstance(cause, AsGoodAs)]
 
 
-def _assumed_alone(case: Case) -> Iterator[list[Assumption]]:
+def _assumed_alone(case: RunCase) -> Iterator[list[Assumption]]:
     assumed = list(dict.fromkeys(one for of in _assumed(case.offsets) for one in of))
     if case.verdict != "pass" and assumed:
         yield assumed
 
 
-def _state(assumed: list[Assumption], case: Case) -> str:
+def _state(assumed: list[Assumption], case: RunCase) -> str:
     return f"Enter nothing yet: {stating(assumed)}, or record more measurements, in varied postures."
 
 
-def _nominal_arm(case: Case) -> bool:
+def _nominal_arm(case: RunCase) -> bool:
     return lacks_factory_calibration(case.vendor, case.header.get("robot"))
 
 
-def _import_calibration(nominal: object, case: Case) -> str:
+def _import_calibration(nominal: object, case: RunCase) -> str:
     robot = case.header.get("robot")
     return f"zerobeam import ur-calibration calibration.conf --robot {robot} -o my-{robot}.yaml"
 
 
-def _export(finding: object, case: Case) -> str:
+def _export(finding: object, case: RunCase) -> str:
     text, conformity = export_sentence(case.vendor), case.conformity
     if conformity is None or conformity.decision == "conforms":
         return text
@@ -394,49 +398,49 @@ def _export(finding: object, case: Case) -> str:
     return f"{text} The {values} not enough for the requirement: do not release the robot with them."
 
 
-def _export_command(finding: object, case: Case) -> str:
+def _export_command(finding: object, case: RunCase) -> str:
     command, file = export_command(case.vendor)
     return f"zerobeam {command} {case.argument} -o {file}"
 
 
-def _expected(case: Case) -> Iterator[str]:
+def _expected(case: RunCase) -> Iterator[str]:
     after = None if case.result is None or case.result.entered is None else case.result.entered.tcp_after
     if case.conformity is not None and after is not None:
         yield expected_sentence(case.conformity, after)
 
 
-def _conditions(case: Case) -> Iterable[str]:
+def _conditions(case: RunCase) -> Iterable[str]:
     return _some(condition(case.power)) if case.verdict == "pass" else ()
 
 
-def _sentences(made: Callable[[Result, Case], Iterable[str]]) -> Callable[[Case], Iterator[str]]:
+def _sentences(made: Callable[[Result, RunCase], Iterable[str]]) -> Callable[[RunCase], Iterator[str]]:
     """Sentences that are made of a whole answer."""
 
-    def find(case: Case) -> Iterator[str]:
+    def find(case: RunCase) -> Iterator[str]:
         if case.sound and case.result is not None:
             yield from made(case.result, case)
 
     return find
 
 
-def _slips(result: Result, case: Case) -> Iterable[str]:
+def _slips(result: Result, case: RunCase) -> Iterable[str]:
     return map(step_sentence, result.placements.steps.rows[:_MOST_STEPS])
 
 
-def _unchecked(result: Result, case: Case) -> Iterable[str]:
+def _unchecked(result: Result, case: RunCase) -> Iterable[str]:
     return map(capital, _some(likelihood_message(result.likelihood)))
 
 
-def _unnoticed(result: Result, case: Case) -> Iterable[str]:
+def _unnoticed(result: Result, case: RunCase) -> Iterable[str]:
     return _some(unnoticed_sentence(case.power)) if case.verdict == "pass" else ()
 
 
-def _unjudged(result: Result, case: Case) -> Iterable[str]:
+def _unjudged(result: Result, case: RunCase) -> Iterable[str]:
     judged = "required" not in result.inputs.header or case.conformity is not None
     return () if judged else (conformity_sentence(result),)
 
 
-def _worth(result: Result, case: Case) -> Iterable[str]:
+def _worth(result: Result, case: RunCase) -> Iterable[str]:
     """What the offsets are worth with the geometry taken otherwise, or why they are known no better."""
     offsets = [row for row in case.offsets if row.std is not None and row.status != "assumed"]
     if not offsets:
@@ -505,9 +509,11 @@ def _some(text: str | None) -> Iterable[str]:
 _VALUES: frozenset[About] = frozenset({"values"})
 
 # Of a run. What speaks against the model comes first, and silences what follows from the model.
-RUN: tuple[Entry[Case], ...] = (
-    Entry("held offsets", "stop", _held_sentence, place="before the cause", about="model", found=_held),
-    Entry(
+RUN: tuple[FindingEntry[RunCase], ...] = (
+    FindingEntry(
+        "held offsets", "stop", _held_sentence, place="before the cause", about="model", found=_held
+    ),
+    FindingEntry(
         "a diagnosis",
         "stop",
         lambda diagnosis, case: cause_sentence(diagnosis),
@@ -518,7 +524,7 @@ RUN: tuple[Entry[Case], ...] = (
         silences=frozenset({"values", "measurements"}),
         found=_diagnosed,
     ),
-    Entry(
+    FindingEntry(
         NotConverged,
         "stop",
         remedy=_always(
@@ -540,22 +546,22 @@ RUN: tuple[Entry[Case], ...] = (
     _criterion(PlacementsDisagree, place="cause or caution"),
     _criterion(RunChange, _look_for_change),
     # What speaks against the values, whatever the verdict.
-    Entry(
+    FindingEntry(
         OtherBasins,
         "stop",
         remedy=_always("Enter nothing: record more measurements, in varied postures."),
         command=_plan,
         colour="weak",
     ),
-    Entry(
+    FindingEntry(
         ExactDoubted,
         "stop",
         remedy=_always(f"Enter nothing yet. {_ESTIMATE_LINKS}"),
         command=_again,
         colour="weak",
     ),
-    Entry(HeldOutMisfit, "stop", remedy=_look_at_held_out, command=_again, colour="weak"),
-    Entry(
+    FindingEntry(HeldOutMisfit, "stop", remedy=_look_at_held_out, command=_again, colour="weak"),
+    FindingEntry(
         Outlying,
         "stop",
         remedy=_always("Check these measurements before you enter anything: remove them, or repeat them."),
@@ -563,15 +569,15 @@ RUN: tuple[Entry[Case], ...] = (
         about="measurements",
         colour="weak",
     ),
-    Entry(HoldOut, "stop", _placement_off, _check_placement, _again, colour="weak"),
-    Entry(SaidToEnterNothing, "stop", place="nowhere", colour="weak"),
+    FindingEntry(HoldOut, "stop", _placement_off, _check_placement, _again, colour="weak"),
+    FindingEntry(SaidToEnterNothing, "stop", place="nowhere", colour="weak"),
     # What the measurements do not determine.
-    Entry(
+    FindingEntry(
         "nothing is determined",
         "stop",
         found=_if(lambda case: bool(case.offsets) and not any(known(row.status) for row in case.offsets)),
     ),
-    Entry(
+    FindingEntry(
         "an unidentifiable offset",
         "doubt",
         lambda one, case: _why_open(one, case.name),
@@ -580,7 +586,7 @@ RUN: tuple[Entry[Case], ...] = (
         place="cause",
         found=lambda case: _open(case.offsets, case.null_space, "unidentifiable"),
     ),
-    Entry(
+    FindingEntry(
         "a weak offset",
         "doubt",
         lambda one, case: f"{case.name(one.row.name)}: {_why_open(one, case.name)}",
@@ -589,8 +595,8 @@ RUN: tuple[Entry[Case], ...] = (
         place="cause",
         found=lambda case: _open(case.offsets, case.null_space, "weak"),
     ),
-    Entry("assumed offsets alone", "doubt", None, _state, _again, found=_assumed_alone),
-    Entry(
+    FindingEntry("assumed offsets alone", "doubt", None, _state, _again, found=_assumed_alone),
+    FindingEntry(
         "no pass",
         "doubt",
         remedy=_always("Enter nothing yet: record more measurements, in varied postures."),
@@ -598,14 +604,14 @@ RUN: tuple[Entry[Case], ...] = (
         found=_if(lambda case: case.verdict != "pass"),
     ),
     # Of a pass: why nothing is entered all the same, what it is subject to.
-    Entry(
+    FindingEntry(
         "no offset is estimated",
         "stop",
         remedy=_always("Enter nothing: no offset is estimated."),
         colour="held",
         found=_if(lambda case: not case.offsets),
     ),
-    Entry(
+    FindingEntry(
         "no robot was measured",
         "doubt",
         remedy=_always(
@@ -615,7 +621,7 @@ RUN: tuple[Entry[Case], ...] = (
         colour="held",
         found=_if(lambda case: case.simulated),
     ),
-    Entry(
+    FindingEntry(
         "no factory calibration",
         "doubt",
         remedy=_always(
@@ -627,7 +633,7 @@ RUN: tuple[Entry[Case], ...] = (
         colour="weak",
         found=_if(_nominal_arm),
     ),
-    Entry(
+    FindingEntry(
         "a controller that takes no offsets",
         "doubt",
         None,
@@ -635,31 +641,31 @@ RUN: tuple[Entry[Case], ...] = (
         _export_command,
         found=_if(lambda case: taken_by(case.vendor) != "offsets"),
     ),
-    Entry(
+    FindingEntry(
         "a requirement that may not be met",  # the verdict says it
         "note",
         colour="weak",
         found=_if(lambda case: case.conformity is not None and case.conformity.decision != "conforms"),
     ),
-    Entry("the error to expect", "note", place="before the cause", found=_expected),
-    Entry("conditions of a pass", "note", _holds_if("This"), place="cause", found=_conditions),
-    Entry("values to enter", "note", None, _export, _export_command, found=_if(lambda case: True)),
+    FindingEntry("the error to expect", "note", place="before the cause", found=_expected),
+    FindingEntry("conditions of a pass", "note", _holds_if("This"), place="cause", found=_conditions),
+    FindingEntry("values to enter", "note", None, _export, _export_command, found=_if(lambda case: True)),
     # Said besides.
-    Entry("assumed offsets", "note", found=lambda case: assumed_steps(case.offsets, case.name)),
-    Entry(NoPosterior, "note"),
-    Entry(PoorCurvature, "note"),
-    Entry(RobustNotConverged, "note"),
-    Entry("slips within a recording", "note", found=_sentences(_slips)),
-    Entry("a fit that nothing checks", "note", found=_sentences(_unchecked)),
-    Entry("what a pass does not exclude", "note", found=_sentences(_unnoticed)),
-    Entry("a requirement that cannot be judged", "note", found=_sentences(_unjudged)),
-    Entry("what the geometry does", "note", found=_sentences(_worth)),
-    Entry(FileWarning, "note", about="file"),
+    FindingEntry("assumed offsets", "note", found=lambda case: assumed_steps(case.offsets, case.name)),
+    FindingEntry(NoPosterior, "note"),
+    FindingEntry(PoorCurvature, "note"),
+    FindingEntry(RobustNotConverged, "note"),
+    FindingEntry("slips within a recording", "note", found=_sentences(_slips)),
+    FindingEntry("a fit that nothing checks", "note", found=_sentences(_unchecked)),
+    FindingEntry("what a pass does not exclude", "note", found=_sentences(_unnoticed)),
+    FindingEntry("a requirement that cannot be judged", "note", found=_sentences(_unjudged)),
+    FindingEntry("what the geometry does", "note", found=_sentences(_worth)),
+    FindingEntry(FileWarning, "note", about="file"),
 )
 
 # Of a plan.
-PLAN: tuple[Entry[Check], ...] = (
-    Entry(
+PLAN: tuple[FindingEntry[Check], ...] = (
+    FindingEntry(
         "a broken constraint",
         "stop",
         lambda first, check: f"posture {first.posture}: {violation_words(first)}",
@@ -668,14 +674,14 @@ PLAN: tuple[Entry[Check], ...] = (
         colour="misfit",
         found=lambda check: check.violations[:1],
     ),
-    Entry(
+    FindingEntry(
         "more broken constraints",
         "stop",
         lambda each, check: violation_sentence(each),
         place="caution",
         found=lambda check: check.violations[1:],
     ),
-    Entry(
+    FindingEntry(
         "an unidentifiable offset",
         "doubt",
         _why_open_in,
@@ -683,41 +689,41 @@ PLAN: tuple[Entry[Check], ...] = (
         place="cause",
         found=_open_in("unidentifiable"),
     ),
-    Entry("a weak offset", "doubt", _why_open_in, _change_plan, place="cause", found=_open_in("weak")),
-    Entry(
+    FindingEntry("a weak offset", "doubt", _why_open_in, _change_plan, place="cause", found=_open_in("weak")),
+    FindingEntry(
         "assumed offsets alone",
         "doubt",
         None,
         lambda assumed, check: capital(stating(assumed)),
         found=_assumed_in,
     ),
-    Entry(
+    FindingEntry(
         "no offset is estimated",
         "doubt",
         remedy=_always("Estimate an offset: leave it out of `held`"),
         found=_if(lambda check: not estimated(check)),
     ),
-    Entry(
+    FindingEntry(
         "conditions of a pass",
         "note",
         _holds_if("a pass of such a run"),
         place="cause",
         found=lambda check: _some(condition(check.power)),
     ),
-    Entry(
+    FindingEntry(
         "a plan as it is",
         "note",
         remedy=_always("Nothing needs to change. Measure by this plan"),
         found=_if(lambda check: True),
     ),
     *(
-        Entry(kind, "note", lambda one, check: plan_sentence(one))
+        FindingEntry(kind, "note", lambda one, check: plan_sentence(one))
         for kind in (Unreachable, TargetBehind, OutsideLimits)
     ),
-    Entry("warnings of the file", "note", found=lambda check: check.warnings),
-    Entry("assumed offsets", "note", found=lambda check: assumed_steps(estimated(check), person)),
-    Entry("the target elsewhere", "note", found=lambda check: _some(over_target_sentence(check))),
-    Entry(
+    FindingEntry("warnings of the file", "note", found=lambda check: check.warnings),
+    FindingEntry("assumed offsets", "note", found=lambda check: assumed_steps(estimated(check), person)),
+    FindingEntry("the target elsewhere", "note", found=lambda check: _some(over_target_sentence(check))),
+    FindingEntry(
         "what a run may not show",
         "note",
         found=lambda check: (text for text in power_sentences(check.power) if "may not detect" in text),

@@ -25,8 +25,18 @@ from ..model.instruments.flange_tool import FlangeTool
 from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .basis_words import basis_lines
-from .case import Case, run_argument
-from .catalogue import PLAN, RUN, Entry, Open, Row, SaidToEnterNothing, estimated, graded, rows_of
+from .case import RunCase, run_argument
+from .catalogue import (
+    PLAN,
+    RUN,
+    FindingEntry,
+    FindingRow,
+    Open,
+    SaidToEnterNothing,
+    estimated,
+    graded,
+    rows_of,
+)
 from .controllers import export_command, lacks_factory_calibration, taken_by
 from .enter import (
     WHY_THEY_DIFFER,
@@ -57,7 +67,7 @@ def message(answer: Result | Check) -> Message:
     """The message of a result, or of a plan that was checked."""
     if isinstance(answer, Check):
         return _of_plan(answer)
-    case = Case.of_result(answer)
+    case = RunCase.of_result(answer)
     k, header = answer.coverage_factor, answer.inputs.header
     basis = basis_lines(answer.taken_as_known, header, k, person, effects=case.sound)
     return replace(_of_run(case), basis=basis)
@@ -65,7 +75,7 @@ def message(answer: Result | Check) -> Message:
 
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
     """The same while the measurements of a run, a file of that name, are being made."""
-    return _of_run(Case.so_far(solution, run, header.model_dump(mode="json")))
+    return _of_run(RunCase.so_far(solution, run, header.model_dump(mode="json")))
 
 
 def acceptance_plan_message(measurements: int, calibration: str, run: str) -> Message:
@@ -95,7 +105,11 @@ def headline(answer: Result | Solution | Check, name: Namer = str) -> str:
     broken constraints first. `name` writes names."""
     if isinstance(answer, Check):
         return _plan_headline(answer, name)
-    case = Case.of_result(answer, name) if isinstance(answer, Result) else Case.so_far(answer, "", {}, name)
+    case = (
+        RunCase.of_result(answer, name)
+        if isinstance(answer, Result)
+        else RunCase.so_far(answer, "", {}, name)
+    )
     cause, _ = _sentences(rows_of(case, RUN), case)
     return _determined(case) if cause is None else f"{_determined(case)} {cause}"
 
@@ -107,7 +121,7 @@ def headline_so_far(solution: Solution, name: Namer = str) -> str:
     return headline(solution, name)
 
 
-def _of_run(case: Case) -> Message:
+def _of_run(case: RunCase) -> Message:
     rows = [row for row in case.offsets if row.status != "assumed"] if case.sound else []
     k = case.k
 
@@ -141,10 +155,10 @@ def _of_plan(check: Check) -> Message:
     return replace(content, action=action, may=May())
 
 
-A = TypeVar("A", Case, Check)
+A = TypeVar("A", RunCase, Check)
 
 
-def _message(answer: A, table: Sequence[Entry[A]], verdict: str, worst: WorstOffset | None) -> Message:
+def _message(answer: A, table: Sequence[FindingEntry[A]], verdict: str, worst: WorstOffset | None) -> Message:
     rows = rows_of(answer, table)
     grade, may = graded(rows, answer.verdict)
     cause, cautions = _sentences(rows, answer)
@@ -159,7 +173,7 @@ def _message(answer: A, table: Sequence[Entry[A]], verdict: str, worst: WorstOff
     )
 
 
-def _sentences(rows: Sequence[Row], answer: Case | Check) -> tuple[str | None, list[str]]:
+def _sentences(rows: Sequence[FindingRow], answer: RunCase | Check) -> tuple[str | None, list[str]]:
     """The cause, and the cautions: the sentences of what is found, each in its place."""
     causes, cautions, whole = list[str](), list[str](), False
     for row in rows:
@@ -183,7 +197,7 @@ def _worst(rows: Sequence[Any], k: float, value: Callable[[Any], str]) -> WorstO
     return WorstOffset(row.name, u, row.unit, f"Least well determined: {person(row.name)}, {value(row)}.")
 
 
-def _judged(case: Case) -> str:
+def _judged(case: RunCase) -> str:
     """The verdict's word, that of a simulated run as such; and whether the robot meets what it must."""
     word = VERDICT_WORDS[case.verdict]
     word = f"Simulated: {word.lower()}" if case.simulated else word
@@ -193,7 +207,7 @@ def _judged(case: Case) -> str:
     return word if case.conformity is None else f"{word}; {met_words(case.conformity)}"
 
 
-def _determined(case: Case) -> str:
+def _determined(case: RunCase) -> str:
     """What can be said of the offsets, the gravest first."""
     if case.stopped is not None:
         return f"The fit did not converge ({case.stopped}): no offset is reported."
@@ -230,7 +244,7 @@ _HELD_BY: dict[HeldBy, str] = {
 }
 
 
-def _held_words(case: Case) -> Iterator[str]:
+def _held_words(case: RunCase) -> Iterator[str]:
     """Whom a pass leaves out because it is held, and why."""
     parts = [
         f"{case.name(row.name)} held: {_HELD_BY[row.cause.by]}"
@@ -241,7 +255,7 @@ def _held_words(case: Case) -> Iterator[str]:
         yield f"{'; '.join(parts)}."
 
 
-def _saved_first(case: Case, action: Action) -> Action:
+def _saved_first(case: RunCase, action: Action) -> Action:
     """The same, where a command needs a file and the run is in none."""
     if action.command is None or not case.run or not in_no_file(case.run):
         return action
@@ -310,7 +324,7 @@ def read_message(result: Result) -> Message:
     content = result.message
     if content is not None and content.grade is not None:
         return content
-    case = Case.of_result(result)
+    case = RunCase.of_result(result)
     if content is not None and _ENTER_NOTHING.match(content.action.text):
         case = replace(case, findings=(*case.findings, SaidToEnterNothing()))
     judging = [entry for entry in RUN if entry.grade != "note" or entry.colour]

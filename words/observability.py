@@ -307,8 +307,8 @@ class _WithStatus(Protocol):
 def determined(rows: Sequence[_WithStatus], texts: Mapping[Status, str], name: Namer) -> str:
     """What can be said of offsets by their status, in the order of `texts`; then what they rest on."""
     by_status = {status: [row.name for row in rows if row.status == status] for status in texts}
-    said = [f"{are(names, name)} {texts[status]}." for status, names in by_status.items() if names]
-    return " ".join([*said, *_resting(rows, name)])
+    sentences = [f"{are(names, name)} {texts[status]}." for status, names in by_status.items() if names]
+    return " ".join([*sentences, *_resting(rows, name)])
 
 
 def _resting(rows: Sequence[_WithStatus], name: Namer) -> list[str]:

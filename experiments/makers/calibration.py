@@ -33,7 +33,7 @@ from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
-from ...words.case import Case
+from ...words.case import RunCase
 from ...words.catalogue import against
 from ...words.misfit_words import criterion_sentence, misfit_headline
 from ...words.observability import reason
@@ -498,7 +498,7 @@ def _require_nothing_against(solution: Solution, run: Run, held_out: PredictedRu
             found=f"{solution.fit.other_basins} more that fit nearly as well",
             remedy="record more measurements, in varied postures",
         )
-    case = Case.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
+    case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
     action = row.action(case)
     raise BadInput(
         "the measurements speak against the values of this run, so nothing is exported",

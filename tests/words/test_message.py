@@ -34,7 +34,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result
 from zerobeam.words import numbers
-from zerobeam.words.case import Case
+from zerobeam.words.case import RunCase
 from zerobeam.words.message import _of_run, message, message_so_far, next_steps
 from zerobeam.words.sentences import to_json
 
@@ -268,7 +268,7 @@ def printed(found: zb.Analysed) -> str:
 )
 def test_a_plan_is_suggested_by_a_command_that_is_taken(header: dict, command: str | None) -> None:
     """Of several instruments nobody has said how many measurements each makes."""
-    case = Case(
+    case = RunCase(
         verdict="pass",
         stopped=None,
         parameters=(),
@@ -291,7 +291,7 @@ def test_a_misfit_names_held_offsets_but_the_last_of_a_free_tool(
     held: int, calibrated: bool, named: bool
 ) -> None:
     """The tool takes that one up, so that holding it spoils nothing."""
-    case = Case.of_result(analysed("swapped").result)
+    case = RunCase.of_result(analysed("swapped").result)
     by_header: dict[str, Any] = {"status": "held", "cause": Held("header"), "estimate": 0.0}
     by_header |= dict.fromkeys(("std", "data_std", "interval95", "midpoint", "tolerance_share"))
     rows = [replace(row, **by_header) if row.name == f"delta{held}" else row for row in case.parameters]
