@@ -89,6 +89,7 @@ def acceptance_plan_message(measurements: int, calibration: str, run: str) -> Me
             f"zerobeam verify {run_argument(calibration)} {run_argument(run)}",
         ),
         cautions=(),
+        grade="held",
     )
 
 
