@@ -132,7 +132,7 @@ def _of_run(case: RunCase) -> Message:
         unit, u = numbers.unit_of(row.unit), k * row.std
         return f"{numbers.estimate(row.estimate, u, unit)} ± {numbers.spread(u, unit)}"
 
-    content = _message(case, RUN, f"{_judged(case)}. {_determined(case)}", _worst(rows, k, value))
+    content = message_by(case, RUN, f"{_judged(case)}. {_determined(case)}", _worst(rows, k, value))
     return replace(content, action=_saved_first(case, content.action))
 
 
@@ -151,7 +151,7 @@ def _of_plan(check: Check) -> Message:
     verdict = f"{VERDICT_WORDS[check.verdict]}. {f'{_broken(check)}. ' if check.violations else ''}"
     verdict += determined(estimated(check), texts, person) or _NONE_ESTIMATED
     rows = [row for row in estimated(check) if row.status != "assumed"]
-    content = _message(check, PLAN, verdict, _worst(rows, _COVERAGE, value))
+    content = message_by(check, PLAN, verdict, _worst(rows, _COVERAGE, value))
     action = Action(ended(sentence(content.action.text)), content.action.command)
     return replace(content, action=action, may=May())
 
@@ -159,7 +159,9 @@ def _of_plan(check: Check) -> Message:
 A = TypeVar("A", RunCase, Check)
 
 
-def _message(answer: A, table: Sequence[FindingEntry[A]], verdict: str, worst: WorstOffset | None) -> Message:
+def message_by(
+    answer: A, table: Sequence[FindingEntry[A]], verdict: str, worst: WorstOffset | None
+) -> Message:
     rows = rows_of(answer, table)
     grade, may = graded(rows, answer.verdict)
     cause, cautions = _sentences(rows, answer)
