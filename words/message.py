@@ -93,14 +93,6 @@ def acceptance_plan_message(measurements: int, calibration: str, run: str) -> Me
     )
 
 
-def lines_of(content: Message) -> list[str]:
-    """A message as lines: verdict, cause, worst offset, what to do; cautions are left to a page."""
-    action = content.action
-    todo = f"To do: {action.text}" + ("" if action.command is None else f"  {action.command}")
-    lines = [content.verdict, content.cause, None if content.worst is None else content.worst.text, todo]
-    return [line for line in lines if line is not None]
-
-
 def headline(answer: Result | Solution | Check, name: Namer = str) -> str:
     """Verdict and cause without the verdict's word; of a plan what it will determine, and why not the rest,
     broken constraints first. `name` writes names."""
