@@ -12,6 +12,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import parse_result
 from ...analysis.status import known, versions
 from ...experiments.history.content import StoredResult
@@ -21,7 +22,7 @@ from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.instruments.registry import kinds_of
 from ...model.records import dumps, it, record, to_json
-from ...words.judgement import Judgement, read_judgement
+from ...words.message import read_message
 from ...words.provenance import (
     CERTIFICATE_KEYS,
     DATE,
@@ -76,8 +77,8 @@ def certificate_json(
     else speaks against the result. What the data
     do not determine has no number.
     """
-    judged = read_judgement(parse_result(json.dumps(answer)))
-    _require_certifiable(result, answer, judged)
+    message = read_message(parse_result(json.dumps(answer)))
+    _require_certifiable(result, answer, message)
     offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
     row = to_json(result)
     del row["without_prior"]
@@ -89,7 +90,7 @@ def certificate_json(
         "form": _form(header),
         "vendor": answer["inputs"].get("vendor"),
         "simulated": by_plain_key(header.get("provenance") or {}).get("origin") == SIMULATED,
-        "grade": judged.grade,
+        "grade": message.grade,
         "headline": answer["headline"],
         "coverage": {"k": k, "probability": 0.95},
         "offsets": [_offset(row, answer["geometry"], k) for row in offsets],
@@ -118,7 +119,7 @@ def certificate_json(
     }
 
 
-def _require_certifiable(result: StoredResult, answer: Json, judged: Judgement) -> None:
+def _require_certifiable(result: StoredResult, answer: Json, message: Message) -> None:
     of = f"run {result.run}, SHA-256 {result.sha256[:12]}…"
     if result.verdict == "misfit":
         raise BadInput(
@@ -135,7 +136,7 @@ def _require_certifiable(result: StoredResult, answer: Json, judged: Judgement) 
             found=of,
             remedy="measure more postures (zerobeam check says which), or name another result by --run",
         )
-    if not judged.may.certify:
+    if not message.may.certify:
         raise BadInput(
             "this result is not certified: something speaks against it",
             found=f"{of}: {answer['message']['verdict']}" if answer.get("message") else of,
