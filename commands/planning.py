@@ -114,7 +114,8 @@ def verify(
     as_json: Json = False,
 ) -> None:
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
-    from ..experiments.acceptance_files import acceptance_json, accepted
+    from ..experiments.acceptance_files import accepted
+    from ..model.records import to_json
     from ..reports.terminal.acceptance_terminal import print_acceptance
 
     if folder is not None:
@@ -125,28 +126,29 @@ def verify(
     if folder is not None:
         write_acceptance_report(folder, verified)
     if as_json:
-        print_json(acceptance_json(verified))
+        print_json(to_json(verified))
     else:
         print_acceptance(out, verified)
         if folder is not None:
             say(f"Report: {folder / 'verification.html'}")
-    raise typer.Exit(0 if verified.answer.verdict == "pass" else 1)
+    raise typer.Exit(0 if verified.verdict == "pass" else 1)
 
 
 def _plan_verify(
     run: Path, file: Path, shots: int | None, tolerance: float | None, force: bool, as_json: bool
 ) -> NoReturn:
     """Write the plan of the acceptance test, and say what it would notice."""
-    from ..experiments.acceptance_files import plan_json, write_acceptance_plan
+    from ..experiments.acceptance_files import write_acceptance_plan
+    from ..model.records import to_json
     from ..reports.terminal.acceptance_terminal import print_acceptance_plan
 
     made = write_acceptance_plan(run, file, shots, _enough(tolerance), force=force)
     if as_json:
-        print_json(plan_json(made))
+        print_json(to_json(made))
     else:
-        print_acceptance_plan(out, made.plan, made.vendor)
+        print_acceptance_plan(out, made, made.vendor)
         say(f"Plan: {file}")
-    raise typer.Exit(0 if made.plan.enough else 1)
+    raise typer.Exit(0 if made.enough else 1)
 
 
 def _enough(tolerance: float | None) -> float | None:

@@ -102,7 +102,7 @@ def robot(
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
     its file from rows, a data sheet or a URDF; with -o copy another's."""
-    from ..experiments.arm_shown import arm_json, typed_arm
+    from ..experiments.arm_shown import typed_arm
     from ..experiments.new_robot import (
         RobotEntries,
         content_of,
@@ -116,6 +116,7 @@ def robot(
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
     from ..reports.terminal.arm import print_arm, print_robots
+    from ..words.sentences import to_json
 
     if names:
         if as_json:
@@ -168,7 +169,7 @@ def robot(
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
     if as_json:
-        print_json(arm_json(arm))
+        print_json(to_json(arm))
     else:
         print_arm(out, arm)
         print_picture(picture)

@@ -315,7 +315,7 @@ def _warnings(result: Result) -> Iterator[str]:
     if not offsets:
         return
     worst = max(offsets, key=lambda row: row.std or 0.0)
-    if not result.geometry.stated:
+    if result.geometry.tolerance is None:
         worth = worth_sentence(result.geometry, offsets, result.coverage_factor)
         yield from [] if worth is None else [worth]
     elif (why := confounded_sentence(result.geometry, worst.name, worst.tolerance_share, person)) is not None:

@@ -276,7 +276,7 @@ class Result:
             "k of every expanded uncertainty U = k u: 2, or Student's factor where the noise scale is"
             " estimated and that is larger"
         ),
-    ] = 2.0
+    ]
     headline: Annotated[str | None, it("the verdict in a sentence")] = None
     parameters: Annotated[ParameterTable, it("a row each")]
     without_prior: Annotated[

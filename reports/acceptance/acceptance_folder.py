@@ -3,17 +3,14 @@ the figure; and what a certificate takes from it."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, Verified, acceptance_json
+from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, Verified
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
-from ...model.records import dumps
-from ...words.acceptance_words import ACCEPTANCE_WORDS
+from ...model.records import dumps, read, to_json
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder, write_page
 from .acceptance_page import acceptance_page, errors_picture
@@ -40,37 +37,29 @@ def write_acceptance_report(folder: Path | str, verified: Verified) -> None:
     write_folder(folder, _KIND, lambda new_folder: _write_files(new_folder, verified))
 
 
-def read_acceptance(folder: Path, sha256: str) -> dict[str, Any]:
+def read_acceptance(folder: Path, sha256: str) -> Verified:
     """The answer in the folder of a verification of the calibration by the run of this hash.
 
     BadInput for a folder without one, and for that of another calibration.
     """
     file = folder / JSON
     try:
-        answer = json.loads(read_text(file, LARGEST_RECORDING)[0])
-        if answer["schema"] != ACCEPTANCE_SCHEMA:
-            raise ValueError(f"schema {answer['schema']!r}")
-        of, measured = answer["calibration"]["sha256"], answer["measured"]
-        for when in ("before", "after"):
-            if measured[when] is not None:
-                _ = [float(measured[when][key]) for key in ("rms_mm", "worst_mm")]
-        if answer["verdict"] not in ACCEPTANCE_WORDS or not isinstance(answer["run"]["sha256"], str):
-            raise ValueError("no verdict, or no run")
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        answer = read(Verified, read_text(file, LARGEST_RECORDING)[0])
+    except ValueError as error:
         raise BadInput(
             "this is not the report of a verification",
-            found=f"{type(error).__name__}: {error}",
+            found=str(error),
             allowed="a folder that zerobeam verify RUN NEW -o DIR wrote",
             file=file,
         ) from None
-    if of != sha256:
+    if (of := answer.calibration.sha256) != sha256:
         raise BadInput(
             "this verification is of another calibration",
             found=f"SHA-256 {of}",
             allowed=f"{sha256}, the run of the result that is certified",
             file=file,
         )
-    return dict(answer)
+    return answer
 
 
 def _write_files(folder: Path, verified: Verified) -> None:
@@ -81,7 +70,7 @@ def _write_files(folder: Path, verified: Verified) -> None:
         acceptance_page(verified),
         {picture.name: picture},
         "study",
-        answer=(JSON, dumps(acceptance_json(verified))),
+        answer=(JSON, dumps(to_json(verified))),
         tables={_TABLE: _rows(verified)},
     )
 

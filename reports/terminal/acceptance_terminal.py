@@ -52,11 +52,10 @@ def print_acceptance_plan(console: Console, plan: AcceptancePlan, vendor: str | 
 
 def print_acceptance(console: Console, verified: Verified) -> None:
     """The verdict, its reason, what was measured, and what the test could notice."""
-    answer = verified.answer
-    word = Text(f"{ACCEPTANCE_WORDS[answer.verdict]}. ", style=_STYLE[answer.verdict])
-    console.print(word + Text(acceptance_reason(answer)))
+    word = Text(f"{ACCEPTANCE_WORDS[verified.verdict]}. ", style=_STYLE[verified.verdict])
+    console.print(word + Text(acceptance_reason(verified)))
     console.print(Text(measured_sentence(verified.measured)))
-    console.print(rich_table(noticed_table(answer.offsets)))
-    console.print(Text(noticed_sentence(answer.offsets)))
-    for mistake in answer.mistakes[:3]:
+    console.print(rich_table(noticed_table(verified.offsets)))
+    console.print(Text(noticed_sentence(verified.offsets)))
+    for mistake in verified.mistakes[:3]:
         console.print(Text(mistake_sentence(mistake)))

@@ -53,7 +53,7 @@ def print_result(console: Console, result: Result) -> None:
     if (could_be := diagnosis_section(result)) is not None:
         _print_section(console, could_be)
     _print_table(console, offsets_table(result))
-    if (worth := offsets_worth(result)) is not None and result.geometry.stated:
+    if (worth := offsets_worth(result)) is not None and result.geometry.tolerance is not None:
         console.print(Text(worth))
     if not wrong:
         for line in geometry_lines(result):

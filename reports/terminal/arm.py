@@ -129,7 +129,7 @@ def _print_pose(console: Console, pose: ShownPose, arm: ShownArm) -> None:
     table.add_column(style="dim")
     turned = pose.orientation
     rows: list[tuple[str, Sequence[float], int, str, str]] = [
-        ("X, Y, Z", pose.place_mm, 2, "mm", "all"),
+        ("X, Y, Z", pose.xyz_mm, 2, "mm", "all"),
         ("q1, q2, q3, q4", turned.quaternion, 5, "", "ABB"),
         ("A, B, C", turned.abc, 3, "deg", "KUKA"),
         ("W, P, R", turned.roll_pitch_yaw, 3, "deg", "FANUC, roll pitch yaw"),

@@ -44,7 +44,7 @@ def print_check(console: Console, check: Check) -> None:
         table.add_row(
             label(row.name),
             "—" if row.std is None else numbers.spread(row.std, unit),
-            of(row) if row.group == "offset" or check.geometry.stated else "",
+            of(row) if row.group == "offset" or check.geometry.tolerance is not None else "",
             "—" if row.held else alone,
             numbers.spread(row.prior_std, unit),
             marked(row.status, row.status),
