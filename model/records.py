@@ -33,6 +33,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    PlainSerializer,
     TypeAdapter,
     ValidationError,
 )
@@ -281,6 +282,9 @@ def _shown(value: object, kind: type, one: Key, words: Words) -> object:
     shown: Any = value
     for name in one.attribute.split(".") if "." in one.attribute else (one.attribute,):
         shown = None if shown is None else getattr(shown, name)
+    for mark in one.marks:
+        if isinstance(mark, PlainSerializer):
+            return mark.func(shown)  # type: ignore[call-arg]
     if or_null in one.marks:
         return shown or None
     if not one.worded or shown is not None or not words:  # without words a record says what it has

@@ -288,9 +288,10 @@ def _as_good_as(cause: AsGoodAs) -> str:
 def stating(of: Sequence[Assumption]) -> str:
     """What to do about what an offset rests on, as an imperative."""
     parts, keys = (list(dict.fromkeys(each)) for each in (map(part_of, of), (one.key for one in of)))
+    text = f"measure {listed(parts)} and state {listed(keys)}"
     if all(one.part == "frame" for one in of):
-        return f"measure {listed(parts)}, or state it as free and hold the first offset"
-    return f"measure {listed(parts)} and state {listed(keys)}"
+        return f"{text}, or state it as free and hold the first offset"
+    return text
 
 
 def _counts(cause: TooFewMeasurements) -> str:

@@ -110,8 +110,12 @@ class Anew:
     def of(cls, calibration: Predictor, recorded: Problem) -> Anew:
         """Of measurements of the same robot, with instruments of the calibration."""
         problem = calibration.carried(replace(recorded, ties=()))
-        frames = (problem.parameters.group("frame") | calibration.missing(problem)) & problem.parameters.free
-        return cls(problem, problem.parameters.group("target") | frames)
+        parameters = problem.parameters
+        frames = parameters.group("frame") & ~parameters.tolerated
+        return cls(
+            problem,
+            parameters.group("target") | ((frames | calibration.missing(problem)) & parameters.free),
+        )
 
     def settled(self, x: Matrix, rows: Rows) -> Matrix:
         """x (p,) with the places where the rows are best met, from where they may be: as the measurements

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
-from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
+from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, StationFrame, spread, vector_unknowns
 from .kind import (
     Assumption,
     Flange,
@@ -149,7 +149,7 @@ class PoseStation(FramedStation):
         angle = FREE_RAD if mount.sigma_deg is None else float(np.radians(mount.sigma_deg))
         return cls(
             label=label,
-            frame=known_frame(header.frame),
+            frame=StationFrame.of(header.frame),
             stand=None if header.guess_mm is None else np.array(header.guess_mm, dtype=float),
             sigma_mm=header.sigma_mm,
             sigma_rad=float(np.radians(header.sigma_deg)),
@@ -263,29 +263,29 @@ class PoseStation(FramedStation):
         linear least squares. Of what the measurements leave open the start is as near as can be to the guess.
         """
         at, result = spread(len(poses)), np.array(unknowns, dtype=float)
-        if not len(at) or (self.frame is not None and all(self.tolerated)):
+        if not len(at) or (not self.frame.free and all(self.tolerated)):
             return result
         flange, measured = poses[at, :3, :3], np.array([rotation_of_quaternion(r[3:7]) for r in readings[at]])
         mount, frame = self._rotations(flange, measured, rotation(result[3:6]) @ self.mount_rotation)
-        if self.frame is None and not self.tolerated[1] and (axis := _one_axis(flange)) is not None:
+        if self.frame.free and not self.tolerated[1] and (axis := _one_axis(flange)) is not None:
             turn = self._about(axis, flange, poses[at, :3, 3], readings[at, :3] @ frame.T)
             mount, frame = rotation(turn * axis) @ mount, rotation(turn * flange[0] @ axis) @ frame
         if not self.tolerated[1]:
             result[3:6] = rotation_vector(mount @ self.mount_rotation.T)
-        if self.frame is None:
-            result[9:12] = rotation_vector(frame)
+        if self.frame.free:
+            result[9:12] = rotation_vector(frame @ self.frame.rotation.T)
         # R x - f = F m - t, of which x and f are solved for where they are free; x about its guess.
         right = readings[at, :3] @ frame.T - poses[at, :3, 3] - flange @ result[:3]
         columns = []
         if not self.tolerated[0]:
             columns.append(flange.reshape(-1, 3))
-        if self.frame is None:
+        if self.frame.free:
             columns.append(np.tile(-np.eye(3), (len(at), 1)))
         else:
-            right += self.frame[1]
+            right += self.frame.origin
         if columns:
             solution = np.linalg.lstsq(np.hstack(columns), right.ravel(), rcond=_OPEN)[0]
-            if self.frame is None:
+            if self.frame.free:
                 result[6:9] = solution[-3:]
             if not self.tolerated[0]:
                 result[:3] += solution[:3]
@@ -330,8 +330,9 @@ class PoseStation(FramedStation):
         def mount_of(frame: Matrix) -> Matrix:
             return nearest_rotation(np.einsum("nji,jk,nkl->il", flange, frame, measured))
 
-        if self.frame is not None:
-            return (mount if self.tolerated[1] else mount_of(self.frame[0])), self.frame[0]
+        if not self.frame.free:
+            known = self.frame.rotation
+            return (mount if self.tolerated[1] else mount_of(known)), known
         if self.tolerated[1]:
             return mount, frame_of(mount)
         # vec of rows: frame = flange · mount · measured', so (flange ⊗ measured) mount = frame.

@@ -24,7 +24,7 @@ from ..parsing.validation import (
     tuple_of,
     with_length,
 )
-from .frames import FREE_MM, FramedStation, StatedStand, known_frame, spread, vector_unknowns
+from .frames import FREE_MM, FramedStation, StatedStand, StationFrame, spread, vector_unknowns
 from .kind import Assumption, Flange, Misread, Target, TargetEntry, Unknown, Words
 from .proposal import ON_FLANGE, Point, ProposedHeader, station_at
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
@@ -198,7 +198,7 @@ class Tracker(FramedStation):
         )
         return cls(
             label=label,
-            frame=known_frame(header.frame),
+            frame=StationFrame.of(header.frame),
             stand=None if header.guess_mm is None else np.array(header.guess_mm, dtype=float),
             sigmas=np.broadcast_to(np.array(constant, dtype=float), 3),
             per_m=per_m,
@@ -336,12 +336,12 @@ class Tracker(FramedStation):
         result = np.array(unknowns, dtype=float)
         points = result[: 3 * len(free)].reshape(-1, 3)  # a view
         sets = _Sets(poses[at, :3, :3], poses[at, :3, 3], readings[at, :3], which, points.copy(), free)
-        if self.frame is not None:
-            turn, origin = self.frame
-            points[:] = sets.points_where(sets.measured @ turn.T + origin)
+        known = self.frame.rotation
+        if not self.frame.free:
+            points[:] = sets.points_where(sets.measured @ known.T + self.frame.origin)
         elif len(at):
             turn, origin, points[:] = sets.solved()
-            result[-6:] = [*origin, *rotation_vector(turn)]
+            result[-6:] = [*origin, *rotation_vector(turn @ known.T)]
         return result
 
 

@@ -22,6 +22,7 @@ from zerobeam.model.instruments.kind import Measurement
 SIGMA_MM, SIGMA_DEG = 0.05, 0.01
 TIP = [30.0, 0.0, 120.0]
 KNOWN_FRAME = {"xyz_mm": [3000.0, 500.0, 800.0], "quat": [0.8, 0.0, 0.0, 0.6]}
+STATED_FRAME = {**KNOWN_FRAME, "sigma_mm": 0.3, "sigma_deg": 0.02}
 _LOWER, _UPPER = np.radians([[-60, -20, -40, -120, -90, -150], [60, 50, 30, 120, 90, 150]])
 _GUESSES = {"R1": [50, 0, 30], "R2": [-50, 40, 30], "R3": [0, -60, 60]}
 _HIT_MM = 1e-9
@@ -113,7 +114,9 @@ CELLS = {
     ),
     "tracker": Cell({"leica": tracker()}, {}, _TRACKED),
     "tracker, frame known": Cell({"leica": tracker(KNOWN_FRAME, 0.05)}, {}, _TRACKED),
+    "tracker, frame stated": Cell({"leica": tracker(STATED_FRAME)}, {}, _TRACKED),
     "pose": Cell({"tmac": POSE}, {}, (_reads("tmac", ""),)),
+    "pose, frame stated": Cell({"tmac": {**POSE, "frame": STATED_FRAME}}, {}, (_reads("tmac", ""),)),
     "plane": Cell({"tip": tip("plane")}, PLANES, _touches("tip", PLANES)),
     "cube": Cell({"tip": tip("plane")}, PLANES, _touches("tip", PLANES), square_deg=0.003),
     "sphere": Cell({"tip": tip("sphere")}, BALL, _touches("tip", BALL)),
@@ -177,7 +180,11 @@ class World:
             if frame == "free":
                 self.frames[label] = rotation_about(rng.normal(size=3)), 2000 * rng.normal(size=3)
             elif frame:
-                self.frames[label] = _matrix(frame["quat"]), np.array(frame["xyz_mm"])
+                turn, origin = _matrix(frame["quat"]), np.array(frame["xyz_mm"])
+                if "sigma_mm" in frame:
+                    turn = rotation_about(np.radians(frame["sigma_deg"]) * rng.normal(size=3)) @ turn
+                    origin = origin + frame["sigma_mm"] * rng.normal(size=3)
+                self.frames[label] = turn, origin
             for name, reflector in entry.get("reflectors", {}).items():
                 point = np.array(reflector["guess_mm"], float)
                 self.points[label, name] = point + reflector.get("sigma_mm", 20.0) * rng.normal(size=3)

@@ -36,6 +36,7 @@ STATED = {
     "dial": {"tip_mm": [5.0, -3, 120], "sigma_mm": 0.01, "direction": [0.1, 0.2, 2.0]},
 }
 KNOWN = {"xyz_mm": [2000.0, -500, 300], "quat": [0.6, 0, 0.8, 0]}
+WITHIN = {**KNOWN, "sigma_mm": 2.0, "sigma_deg": 0.5}
 
 
 def station(kind, *, exact=False, **other):
@@ -59,10 +60,14 @@ def poses(rng, count):
 
 
 def frame(instrument, unknowns):
-    if instrument.frame is not None:
-        quat = KNOWN["quat"]
-        return Rotation.from_quat([*quat[1:], quat[0]]).as_matrix(), np.array(KNOWN["xyz_mm"])
-    return Rotation.from_rotvec(unknowns[-3:]).as_matrix(), unknowns[-6:-3]
+    known = Rotation.from_quat([*KNOWN["quat"][1:], KNOWN["quat"][0]])
+    match instrument.frame.known:
+        case "exact":
+            return known.as_matrix(), np.array(KNOWN["xyz_mm"])
+        case "stated":
+            return (Rotation.from_rotvec(unknowns[-3:]) * known).as_matrix(), unknowns[-6:-3]
+        case _:
+            return Rotation.from_rotvec(unknowns[-3:]).as_matrix(), unknowns[-6:-3]
 
 
 def across(n):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import LASER, PROBE, good_plan, header, irb1600, run_of, simulated, simulated_problem
-from measured_arms import CELLS, KNOWN_FRAME, Cell, recorded
+from measured_arms import CELLS, KNOWN_FRAME, STATED_FRAME, Cell, recorded
 
 from zerobeam.analysis.diagnostics.values_to_enter import entered, offsets_to_enter
 from zerobeam.analysis.observability.basis import bases
@@ -158,7 +158,25 @@ def test_what_only_a_known_frame_identifies() -> None:
     assert reason(cause) == (
         "as good as the frame of leica: that it is exactly as stated is assumed, not measured"
     )
+    assert remedy(cause) == (
+        "measure the frame of leica and state instruments.leica.frame.sigma_deg and"
+        " instruments.leica.frame.sigma_mm, or state it as free and hold the first offset"
+    )
     assert reason(AsGoodAs(rests_on["delta6"])).startswith("by the stated R1 of leica")
+
+
+@pytest.mark.parametrize("kind", ["tracker", "pose"])
+def test_a_frame_whose_sigma_is_stated(kind: str) -> None:
+    """δ1 is known as well as the frame's orientation, and by nothing better."""
+    status, rests_on = judged(kind, frame=STATED_FRAME)
+    assert status["delta1"] == "identified"
+    label = CELLS[kind].instruments.copy().popitem()[0]
+    assert reason(AsGoodAs(rests_on["delta1"])) == f"by the stated frame of {label}: 0.02° and 0.3\u00a0mm"
+
+
+def test_how_well_a_frame_is_known_is_said_whole() -> None:
+    with pytest.raises(ValueError, match="sigma_deg is missing"):
+        judged("tracker", frame={**KNOWN_FRAME, "sigma_mm": 0.3})
 
 
 def test_what_is_stated_in_part() -> None:

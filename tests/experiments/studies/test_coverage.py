@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from cells import PROBE, TABLE_2, good_plan, simulated_problem
 from made_once import made_once
-from plain_json import plain
-from pydantic import TypeAdapter
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
@@ -22,6 +20,7 @@ from zerobeam.experiments.studies.coverage import (
     studied_plans,
 )
 from zerobeam.experiments.studies.data_sets import Estimates, drawn, fitted
+from zerobeam.model import records
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
 
@@ -155,8 +154,7 @@ def test_a_piece_is_kept_to_the_last_bit():
     kept = np.array([True, False, True])
     one = Estimates("likelihood", "words", False, rng.normal(size=(3, 2)), rng.random((3, 2)), kept)
     answer = coverage.CoveragePieceAnswer((one,), np.arange(6.0).reshape(3, 2), 0.5)
-    stored = json.loads(json.dumps(plain(answer)))
-    again = TypeAdapter(coverage.CoveragePieceAnswer).validate_python(stored)
+    again = records.read(coverage.CoveragePieceAnswer, records.to_json(answer))
     (two,), ranks = coverage.joined([again], 2)
     for name in ("value", "std", "kept"):
         np.testing.assert_array_equal(getattr(two, name), getattr(one, name))

@@ -6,6 +6,7 @@ from plain_model import by_differences
 from plain_stations import (
     KNOWN,
     STATED,
+    WITHIN,
     Target,
     functions,
     plain_residual,
@@ -19,8 +20,7 @@ from zerobeam.model.instruments.registry import STATIONS
 
 VARIED = [
     *((kind, {}) for kind in STATED),
-    ("tracker", {"frame": KNOWN}),
-    ("pose", {"frame": KNOWN}),
+    *((kind, {"frame": frame}) for kind in ("tracker", "pose") for frame in (KNOWN, WITHIN)),
     ("ballbar", {"bias": 1.5}),
     ("plane", {"exact": True}),
     ("dial", {"exact": True}),
@@ -128,16 +128,15 @@ def test_sizes_are_what_they_are_said_to_be(kind, other):
     assert groups == sorted(groups, key=["tool", "frame"].index)
     assert instrument.exact == (not groups)
     assert instrument.grounded == ("frame" in other)
-    assert ("frame" in groups) == (hasattr(instrument, "frame") and "frame" not in other)
+    assert ("frame" in groups) == (hasattr(instrument, "frame") and other.get("frame") is not KNOWN)
     assert instrument.std == pytest.approx(STATED[kind]["sigma_mm"] if kind != "tracker" else 0.02)
 
 
 STARTS = [
     *((kind, {}) for kind in STATED),
-    ("tracker", {"frame": KNOWN}),
+    *((kind, {"frame": frame}) for kind in ("tracker", "pose") for frame in (KNOWN, WITHIN)),
     ("tracker", {"reflectors": {"A": {}}}),
     ("tracker", {"reflectors": {"A": {"guess_mm": [0, 0, 10.0], "sigma_mm": 0.1}}}),
-    ("pose", {"frame": KNOWN}),
     ("pose", {"mount": {"guess_quat": [0.5, 0.5, -0.5, 0.5], "sigma_deg": 0.1}}),
     ("ballbar", {"bias": 1.5}),
 ]
