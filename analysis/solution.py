@@ -97,15 +97,8 @@ class ParameterResult(ParameterRow):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.held:
-            if self.estimate is None or (self.cause is None and self.reason is None):
-                raise UnsoundResult(
-                    f"{self.name!r} is held without the value that it is held at or the cause"
-                )
-        elif has_numbers(self.status) and (
-            self.estimate is None or self.std is None or self.interval95 is None
-        ):
-            raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
+        if self.held and (self.estimate is None or (self.cause is None and self.reason is None)):
+            raise UnsoundResult(f"{self.name!r} is held without the value that it is held at or the cause")
 
     @property
     def absent(self) -> tuple[str, ...]:

@@ -48,14 +48,20 @@ class ShownPose:
 
 
 @record
-class ShownJoint:
-    """A joint of the robot, its limits in the pendant's counting."""
+class JointLimits:
+    """A joint with its limits."""
 
     name: str
-    kind: Annotated[JointKind, it("what it does")]
     unit: Annotated[str, it("of its limits; a second of its `speed`")]
     lower: Annotated[float, it("in the pendant's counting")]
     upper: float
+
+
+@record
+class ShownJoint(JointLimits):
+    """A joint of the robot, its limits in the pendant's counting."""
+
+    kind: Annotated[JointKind, it("what it does")]
     speed: Annotated[float | None, it("null where not stated")]
 
 
@@ -102,9 +108,10 @@ class ShownArm:
     @key("joint 1 first")
     def joints(self) -> tuple[ShownJoint, ...]:
         lower, upper = (limits.tolist() for limits in self.pendant.limits)
-        speeds = (None if one.speed is None else one.speed * one.display for one in self.robot.joints)
-        rows = zip(self.robot.joints, lower, upper, speeds, strict=True)
-        return tuple(ShownJoint(one.name, one.kind, one.unit, *limits) for one, *limits in rows)
+        return tuple(
+            ShownJoint(one.name, one.unit, low, high, one.kind, one.speed and one.speed * one.display)
+            for one, low, high in zip(self.robot.joints, lower, upper, strict=True)
+        )
 
 
 def typed_arm(

@@ -227,20 +227,26 @@ def _root(covariance: Matrix) -> Matrix:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-@dataclass(frozen=True)
-class RecordingCorrelation:
+@record
+class RecordedPart:
+    """Measurements of one recording that follow each other."""
+
+    target: Annotated[str, it("its name")]
+    first_shot: Annotated[int, it("number of the first measurement")]
+    last_shot: Annotated[int, it("number of the last")]
+    shots: Annotated[int, it("how many")]
+
+
+@record
+class RecordingCorrelation(RecordedPart):
     """The correlation of the residuals that follow each other in a recording.
 
-    `first_shot` and `last_shot` are its measurements' numbers. `rho` is without the bias that the fit's
+    `rho` is without the bias that the fit's
     residuals have, `kappa` what it makes of the number of measurements; None where they do not determine it
     (to half a unit, or within -0.98 to 0.98). `p_value` is the probability of a correlation as large if there
     is none (one-sided), None where a recording is too short.
     """
 
-    target: str
-    first_shot: int
-    last_shot: int
-    shots: int
     rho: float | None
     kappa: float | None
     p_value: float | None

@@ -124,16 +124,6 @@ def checked_moment(value: object) -> datetime:
     return when
 
 
-def checked_offset(row: object) -> ParameterRow:
-    """The row of an offset: what a result may say of it, and no more."""
-    offset = read(ParameterRow, row)
-    for text in (offset.name, offset.unit):
-        checked_text(text)
-    if has_numbers(offset.status) and None in (offset.estimate, offset.std, offset.interval95):
-        raise ValueError(f"{offset.name} is {offset.status}, yet it lacks a number")
-    return offset
-
-
 def checked_without_prior(
     content: Mapping[str, Any] | None, offsets: Sequence[ParameterRow]
 ) -> OffsetsWithoutPrior | None:
