@@ -247,9 +247,15 @@ class RecordingCorrelation(RecordedPart):
     is none (one-sided), None where a recording is too short.
     """
 
-    rho: float | None
-    kappa: float | None
-    p_value: float | None
+    rho: Annotated[
+        float | None,
+        it(
+            "lag-1 correlation of the normalised residuals, without bias; null where the measurements do not"
+            " determine it to ±0.5 with 95 %, or it is beyond ±0.98"
+        ),
+    ]
+    kappa: Annotated[float | None, it("(1 + ρ) / (1 - ρ)")]
+    p_value: Annotated[float | None, it("one-sided; null with fewer than four measurements")]
 
 
 @record
@@ -257,15 +263,7 @@ class Effective:
     """The effective number of measurements, by the correlation of those that follow each other in a
     recording; of all together it is None as of one."""
 
-    recordings: Annotated[
-        tuple[RecordingCorrelation, ...],
-        it(
-            "consecutive measurements of one target: `target`, `first_shot`, `last_shot`, `shots`, "
-            "`rho` (lag-1 correlation of the normalised residuals, without bias; null where the "
-            "measurements do not determine it to ±0.5 with 95 %, or it is beyond ±0.98), `kappa` ((1 "
-            "+ ρ) / (1 - ρ)), `p_value` (one-sided; null with fewer than four measurements)"
-        ),
-    ]
+    recordings: Annotated[tuple[RecordingCorrelation, ...], it("consecutive measurements of one target")]
     shots: Annotated[int, it("number of all measurements")]
     rho: Annotated[float | None, it("of all recordings together")]
     kappa: Annotated[float | None, it("likewise")]

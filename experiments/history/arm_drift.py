@@ -14,6 +14,7 @@ from ...analysis.drift.drift import Drift, Jump, OffsetChange, Undecided, drift
 from ...analysis.drift.forecast import HORIZON_YEARS, due_after
 from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
+from ...analysis.row import ParameterRow
 from ...model.records import inline, internal, it, key, or_null, record
 from .content import Event, Moment, StoredResult
 
@@ -67,18 +68,11 @@ class Rate:
     interval95: Annotated[tuple[float, float], it("95 % interval")]
 
 
-@record
-class DriftingOffset:
-    """An offset at the last result, by all results."""
+@record(repr=False)
+class DriftingOffset(ParameterRow):
+    """An offset at the last result, by all results: unidentifiable where none determines it since the last
+    `mastering`."""
 
-    name: str
-    unit: str
-    estimate: Annotated[
-        float | None,
-        it("null where no result determines it since the last `mastering`, as the two below"),
-    ]
-    std: Annotated[float | None, it("standard uncertainty")]
-    interval95: Annotated[tuple[float, float] | None, it("95 % interval")]
     rate: Annotated[Rate | None, it("drift rate per root year; null where the results do not determine it")]
 
 
@@ -200,6 +194,7 @@ def _now(drift: Drift, name: str) -> DriftingOffset:
     return DriftingOffset(
         name,
         drift.series.units[i],
+        "identified" if known else "unidentifiable",
         value,
         std,
         drift.interval(-1, along) if known else None,
