@@ -15,7 +15,7 @@ from ..experiments.rigs.manual.line_sources import Lines, TypedLines, WatchedLin
 from ..experiments.run_options import RIGS, RunOptions
 from ..model.errors import BadInput, RigFault
 from ..model.options import Option
-from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json, say
+from .console import EXIT_STATUS, OutputLost, err, json_text, say, show
 from .shared_options import Json, NewRunFile, PlanFile
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def run(
     from ..experiments.recording import Answers, RunRequest, record
     from ..experiments.rigs.live.centred import CentredLines
     from ..model.files.plan import read_plan
-    from ..reports.terminal.answers import print_carried
-    from ..reports.terminal.live import led_view, live_view
+    from ..reports.output.live_view import led_view, live_view
+    from ..reports.run.brief_page import ended_page
 
     planned = read_plan(plan)
     with ExitStack() as opened:
@@ -98,11 +98,8 @@ def run(
                 kept = f"What is recorded stays in {file}: --resume goes on with it."
                 say(kept, to=err)
             raise
-    if as_json:
-        print_json(event_json(answer))
-    elif not json_lines:
-        print_carried(out, answer)
-        say(f"Run: {file}")
+    if as_json or not json_lines:
+        show(as_json, event_json(answer), lambda: ended_page(answer), run=file)
     done = 0 if answer.verifies else EXIT_STATUS[answer.verdict]  # a test is judged by zerobeam verify
     raise typer.Exit(1 if answer.missing else done)
 

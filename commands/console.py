@@ -9,11 +9,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TextIO, cast
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from ..interruption import obey
-from ..reports.style.rich_console import Terminal
+from ..reports.output.terminal import Terminal
 from ..words.wording import shown, visible
+
+if TYPE_CHECKING:
+    from ..reports.style.blocks import Page
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1, "violated": 1}
 FAULT = 3
@@ -104,10 +107,20 @@ def print_json(answer: dict[str, Any]) -> None:
     sys.stdout.write(json_text(answer, indent=1) + "\n")
 
 
-def print_picture(picture: Path | None) -> None:
-    """Say where the picture is, if one was asked for."""
-    if picture is not None:
-        say(f"Picture: {picture}")
+def show(as_json: bool, answer: object, page: Callable[[], Page], /, **files: Path | None) -> None:
+    """Print an answer: with --json itself (a record, or its JSON), else its page, and below it the `files`
+    that there are, each behind what it is."""
+    if as_json:
+        from ..words.sentences import to_json
+
+        print_json(answer if isinstance(answer, dict) else to_json(answer))
+        return
+    from ..reports.output.terminal import print_page
+
+    print_page(out, page())
+    for what, path in files.items():
+        if path is not None:
+            say(f"{what.capitalize()}: {path}")
 
 
 def print_json_pieces(pieces: Iterable[str]) -> None:

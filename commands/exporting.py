@@ -151,9 +151,10 @@ def _export(
         for line in judged.head:
             say(line)
         if targets:
-            from ..reports.terminal.corrected_program import print_targets
+            from ..reports.output.terminal import print_blocks
+            from ..reports.plan.targets_table import targets_table
 
-            print_targets(out, targets)
+            print_blocks(out, [targets_table(targets)])
         for line in [*notes, *(f"Written to {path}" for path in files)]:
             say(line)
     if judged.misfit:

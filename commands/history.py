@@ -13,7 +13,7 @@ import typer
 from ..experiments.command_options import AddOptions, HistoryPageOptions, Model, SerialOrAll, ToleranceMm, Url
 from ..model.errors import BadInput, missing_extra
 from ..model.options import Option, argument
-from ..reports.style.rich_console import print_block
+from ..reports.output.terminal import print_blocks
 from ..words.spreadsheet import csv_lines
 from .console import err, out, print_json, print_json_pieces, progress, say
 from .formats import Group
@@ -188,9 +188,7 @@ def _print(arm: tuple[str, str] | None, blocks: Iterable[Block | None]) -> None:
     """What there is of an arm (serial number, model), or of all."""
     if arm is not None:
         say(f"{arm[0]}, {arm[1]}")
-    for block in blocks:
-        if block is not None:
-            print_block(out, block)
+    print_blocks(out, (block for block in blocks if block is not None))
 
 
 @histories.of_options("event")

@@ -11,7 +11,7 @@ from ..experiments.command_options import VerifyOptions
 from ..experiments.plans.plan_options import PlanOptions
 from ..model.errors import BadInput
 from ..model.options import Option, argument, options_of
-from .console import EXIT_STATUS, out, print_json, print_picture, progress, say
+from .console import EXIT_STATUS, progress, show
 from .shared_options import Cluster, Force, Json, Picture, RunFile
 
 PlanKind = Literal["x", "y", "optimal", "verify"]
@@ -57,7 +57,7 @@ def plan(
     from ..model.files.robot_file import robot_path
     from ..model.files.run import header_of_run
     from ..model.files.whole_file import refuse_existing
-    from ..reports.terminal.answers import print_proposal
+    from ..reports.plan.check_page import proposal_page
 
     if header.suffix == ".jsonl":
         shared_header = header_of_run(header)
@@ -79,13 +79,8 @@ def plan(
 
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_plan(turned.plan, turned))
-    if as_json:
-        print_json(made.as_json())
-    else:
-        print_proposal(out, made)
-        if made.file is not None:
-            say(f"Plan: {made.file}")
-            print_picture(picture)
+    picture = None if made.file is None else picture
+    show(as_json, made.as_json(), lambda: proposal_page(made), plan=made.file, picture=picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
 
@@ -116,21 +111,18 @@ def verify(
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
     from ..experiments.acceptance_files import accepted
     from ..model.records import to_json
-    from ..reports.terminal.acceptance_terminal import print_acceptance
+    from ..reports.acceptance.acceptance_page import acceptance_page
 
     if folder is not None:
-        from ..reports.acceptance.acceptance_folder import check_target, write_acceptance_report
+        from ..reports.acceptance.acceptance_folder import ACCEPTANCE, write_acceptance_report
+        from ..reports.output.whole_folder import check_target
 
-        check_target(folder)
+        check_target(folder, ACCEPTANCE)
     verified = accepted(run, new, _enough(options.tolerance))
     if folder is not None:
         write_acceptance_report(folder, verified)
-    if as_json:
-        print_json(to_json(verified))
-    else:
-        print_acceptance(out, verified)
-        if folder is not None:
-            say(f"Report: {folder / 'verification.html'}")
+    page = None if folder is None else folder / "verification.html"
+    show(as_json, to_json(verified), lambda: acceptance_page(verified).brief, report=page)
     raise typer.Exit(0 if verified.verdict == "pass" else 1)
 
 
@@ -140,14 +132,10 @@ def _plan_verify(
     """Write the plan of the acceptance test, and say what it would notice."""
     from ..experiments.acceptance_files import write_acceptance_plan
     from ..model.records import to_json
-    from ..reports.terminal.acceptance_terminal import print_acceptance_plan
+    from ..reports.acceptance.acceptance_page import acceptance_plan_page
 
     made = write_acceptance_plan(run, file, shots, _enough(tolerance), force=force)
-    if as_json:
-        print_json(to_json(made))
-    else:
-        print_acceptance_plan(out, made, made.vendor)
-        say(f"Plan: {file}")
+    show(as_json, to_json(made), lambda: acceptance_plan_page(made, made.vendor), plan=file)
     raise typer.Exit(0 if made.enough else 1)
 
 

@@ -10,7 +10,7 @@ import typer
 from ..experiments.command_options import NewRobotOptions
 from ..model.errors import BadInput
 from ..model.options import J3Origin, Option, argument
-from .console import EXIT_STATUS, out, print_json, print_picture
+from .console import EXIT_STATUS, out, print_json, show
 from .shared_options import Json
 
 PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
@@ -77,14 +77,15 @@ def robot(
     from ..experiments.new_robot import content_of, copy_robot, with_fanuc_backup, write_robot
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
-    from ..reports.terminal.arm import print_arm, print_robots
+    from ..reports.output.terminal import print_blocks
+    from ..reports.plan.robot_page import robot_page, robots_table
     from ..words.sentences import to_json
 
     if names:
         if as_json:
             print_json({"robots": list(built_in_robots())})
         else:
-            print_robots(out)
+            print_blocks(out, [robots_table()])
         return
     if name is None:
         raise BadInput(
@@ -113,10 +114,6 @@ def robot(
         from ..reports.scenes.turnable import write_arm_page
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
-    if as_json:
-        print_json(to_json(arm))
-    else:
-        print_arm(out, arm)
-        print_picture(picture)
+    show(as_json, to_json(arm), lambda: robot_page(arm), picture=picture)
     if arm.check is not None and not arm.check.agrees:
         raise typer.Exit(EXIT_STATUS["misfit"])

@@ -10,7 +10,7 @@ import typer
 from ..model.errors import WorkersLost
 from ..model.options import Option, Seed, argument, arguments, options_of
 from ..model.parsing.reading import real_path
-from .console import err, out, print_json, progress, say
+from .console import err, progress, say, show
 from .formats import with_options
 from .shared_options import Cluster, Json
 
@@ -37,12 +37,13 @@ def _carry_out(
     or not at all, to go on with; once the study is written they are no longer needed.
     """
     from ..experiments.studies.answer import to_json
-    from ..reports.studies.study_folder import check_target, write_study
-    from ..reports.studies.study_terminal import print_study
+    from ..reports.output.whole_folder import check_target
+    from ..reports.studies.kinds import study_page
+    from ..reports.studies.study_folder import study_kind, write_study
 
     work, study = cluster.opened(), settings()
     store = Path(f"{real_path(folder)}.cases.jsonl")
-    check_target(folder)
+    check_target(folder, study_kind(folder))
     try:
         with work, progress("study") as tell:
             answer = study(seed, tell, store=store)
@@ -53,11 +54,7 @@ def _carry_out(
             say(f"The finished cases are kept in {store}: the same command goes on with them.", to=err)
         raise
     store.unlink(missing_ok=True)
-    if as_json:
-        print_json(to_json(answer))
-    else:
-        print_study(out, answer)
-        say(f"Study: {paths.html}")
+    show(as_json, to_json(answer), lambda: study_page(answer).brief, study=paths.html)
     raise typer.Exit(0 if answer.agrees else 1)
 
 

@@ -20,15 +20,14 @@ from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..model.options import checked_options, require_number
-from ..reports.output.html import card, text
+from ..reports.run.brief_page import page_of
 from ..reports.run.parameter_section import draw_offsets, offsets_picture, offsets_table, parameter_table
 from ..reports.run.posterior_summary import draw_posterior, posterior_picture
 from ..reports.run.report import ReportPaths, write_report
 from ..reports.run.residuals import draw_residuals, residuals_picture
 from ..reports.run.run_scene import run_turnable
-from ..reports.style.blocks import Page, Verdict
+from ..reports.style.blocks import Page, section_of
 from ..words.finding_words import likelihood_message, posterior_message
-from ..words.message import message
 from ..words.next_steps import offered
 from ..words.sentences import to_json
 from ..words.wording import clipped, counted
@@ -40,7 +39,7 @@ from .predicted import predicted_positions
 from .progress import shown_progress
 from .refit import refit_run
 from .shown_profiles import Contour, Profile, require_estimated
-from .tables import ShownParameters, data_frame, residual_frame
+from .tables import ShownPage, ShownParameters, data_frame, residual_frame
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,7 +53,7 @@ class UnconvergedPosterior(UserWarning):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Analysed(Analysis):
+class Analysed(ShownPage, Analysis):
     """The answer to a recorded run, as `zerobeam.analyse` gives it; it is a `Solution`.
 
     `sol["J2"]` or `sol["delta2"]` is a row with `.estimate`, `.u` (standard uncertainty), `.interval(0.68)`,
@@ -361,22 +360,11 @@ class Analysed(Analysis):
         answer: dict[str, Any] = to_json(self.result)
         return answer
 
-    def __repr__(self) -> str:
-        return text(self._page(), offsets_table(self.result))
-
-    def _repr_html_(self) -> str:
-        return card(self._page(), [offsets_table(self.result)])
-
     def _page(self) -> Page:
         inputs = self.result.inputs
-        return Page(
-            f"Solution of {clipped(inputs.run, 60)}",
-            f"{counted(inputs.shots, 'measurement')}, {clipped(inputs.robot)}",
-            Verdict(self.verdict, "", ""),
-            [],
-            [],
-            message=message(self.result),
-        )
+        subtitle = f"{counted(inputs.shots, 'measurement')}, {clipped(inputs.robot)}"
+        sections = [section_of("", offsets_table(self.result))]
+        return page_of(f"Solution of {clipped(inputs.run, 60)}", subtitle, self.result, sections)
 
 
 @dataclass(frozen=True)

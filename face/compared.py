@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,16 @@ from ..analysis.repeatability.compare import Comparison
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..model.options import require_number
-from ..reports.output.html import card, text
-from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
+from ..reports.output.whole_folder import Written
+from ..reports.repeatability.comparison_folder import write_comparison
 from ..reports.repeatability.comparison_page import comparison_page
-from ..reports.style.blocks import Page, Table
+from ..reports.style.blocks import Page, Table, section_of
 from ..words.sentences import to_json
+from .tables import ShownPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ComparedRuns(Comparison):
+class ComparedRuns(ShownPage, Comparison):
     """The answer of `zerobeam.compare`; it is a `Comparison`.
 
     Attributes
@@ -53,7 +54,7 @@ class ComparedRuns(Comparison):
     'agrees'
     """
 
-    def report(self, folder: Path | str) -> ComparisonPaths:
+    def report(self, folder: Path | str) -> Written:
         """Write the comparison: HTML, PDF, compare.json, offsets.csv and the figure.
 
         Raises
@@ -68,16 +69,10 @@ class ComparedRuns(Comparison):
         answer: dict[str, Any] = to_json(self)
         return answer
 
-    def __repr__(self) -> str:
-        return text(*self._shown())
-
-    def _repr_html_(self) -> str:
-        page, table = self._shown()
-        return card(page, [table])
-
-    def _shown(self) -> tuple[Page, Table]:
+    def _page(self) -> Page:
         page = comparison_page(self)
-        return page, next(block for block in page.sections[0].all if isinstance(block, Table))
+        means = next(block for block in page.sections[0].all if isinstance(block, Table))
+        return replace(page, sections=[section_of("", means)])
 
 
 def compare(runs: Sequence[Run | Analysis | Path | str], *, seed: int = 0) -> ComparedRuns:

@@ -21,30 +21,26 @@ from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
 from ..model.files.robot_file import built_in_robots
 from ..model.options import checked_options, require_number
-from ..reports.output.html import card, text
+from ..reports.plan.check_page import predicted_table
 from ..reports.plan.plan_page import plan_turnable, postures_of
-from ..reports.run.parameter_section import worth_column
-from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
+from ..reports.style.blocks import Page, Verdict, section_of
 from ..words import numbers
 from ..words.geometry_words import check_lines
-from ..words.numbers import unit_of
 from ..words.plan_message import plan_message
 from ..words.sentences import to_json
 from ..words.verdict import tone_of
-from ..words.wording import clipped, counted, label
+from ..words.wording import clipped, counted
 from .checked_arguments import require_plan, vector
 from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView, scene_view
-from .tables import ShownPredictions
+from .tables import ShownPage, ShownPredictions
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_NO_NUMBER = "unidentifiable from these measurements"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CheckedPlan(Check):
+class CheckedPlan(ShownPage, Check):
     """The answer of `zerobeam.check` to a plan; it is a `Check`.
 
     `check["delta2"]` is a row with `.u`, the predicted standard uncertainty (None where the plan cannot
@@ -81,8 +77,8 @@ class CheckedPlan(Check):
     @property
     def offsets(self) -> ShownPredictions:
         """The rows of the joint offsets."""
-        rows = (row for row in self.parameters if row.group == "offset")
-        return ShownPredictions(rows).with_table(_table(self))
+        rows = [row for row in self.parameters if row.group == "offset"]
+        return ShownPredictions(rows).with_table(predicted_table(self, rows))
 
     def __getitem__(self, name: str) -> CheckedParameter:
         return self.parameters.named(name)
@@ -120,19 +116,13 @@ class CheckedPlan(Check):
         answer: dict[str, Any] = to_json(self)
         return answer
 
-    def __repr__(self) -> str:
-        return text(self._page(), _table(self))
-
-    def _repr_html_(self) -> str:
-        return card(self._page(), [_table(self)])
-
     def _page(self) -> Page:
         return Page(
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
             Verdict(tone_of(self.verdict), "", ""),
             check_lines(self),
-            [],
+            [section_of("", self.offsets.table)],
             message=plan_message(self),
         )
 
@@ -376,19 +366,3 @@ def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Pa
         )
     names = {str(key): f"header[{key!r}]" for key in (*Header.model_fields, *header)}
     return completed(checked(Header, plain(header), names), Path("."), line=lambda _: None), Path(".")
-
-
-def _table(checked: CheckedPlan) -> Table:
-    worth, of = worth_column(checked.geometry)
-    columns = [("offset", "left"), ("predicted u", "right"), ("status", "left"), (worth, "right")]
-    caption = "Standard uncertainties u that these measurements will give"
-    offsets = [row for row in checked.parameters if row.group == "offset"]
-    return table_of(caption, columns, [_row(row, of(row)) for row in offsets])
-
-
-def _row(row: CheckedParameter, worth: str) -> Row:
-    name, word = label(row.name), Cell(row.status, mark=row.status)
-    if row.held:
-        return row_of(name, "not estimated", word, worth, tone=row.status)
-    spread = _NO_NUMBER if row.u is None else numbers.spread(row.u, unit_of(row.unit))
-    return row_of(name, spread, word, worth, tone=row.status)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Self
 
@@ -13,8 +14,9 @@ from ..analysis.observability.check import CheckedTable
 from ..analysis.solution import ParameterTable
 from ..model.files.run import Run
 from ..model.files.shot import Shot
-from ..reports.output.html import card, table_lines
-from ..reports.style.blocks import Table
+from ..reports.output.html import card
+from ..reports.output.terminal import page_text, table_text
+from ..reports.style.blocks import Page, Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,10 +33,25 @@ class Shown:
         return self
 
     def __repr__(self) -> str:
-        return "\n".join([self.table.caption, *(f"  {line}" for line in table_lines(self.table))])
+        return table_text(self.table)
 
     def _repr_html_(self) -> str:
         return card(None, [self.table])
+
+
+class ShownPage(ABC):
+    """What shows itself as a page: as text, and in a notebook as HTML."""
+
+    @abstractmethod
+    def _page(self) -> Page: ...
+
+    def __repr__(self) -> str:
+        return page_text(self._page())
+
+    def _repr_html_(self) -> str:
+        page = self._page()
+        blocks = [block for section in page.sections for block in section.all]
+        return card(page, [block for block in blocks if isinstance(block, Table)])
 
 
 class ShownParameters(Shown, ParameterTable):

@@ -3,38 +3,26 @@ the figure; and what a certificate takes from it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, Verified
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
-from ...model.records import dumps, read, to_json
-from ..output import whole_folder
-from ..output.whole_folder import Kind, write_folder, write_page
+from ...model.records import read, to_json
+from ..output.whole_folder import FolderContents, Kind, write_answer
 from .acceptance_page import acceptance_page, errors_picture
 
-JSON, _TABLE = "verification.json", "errors.csv"
-_KIND = Kind(
-    "verification",
-    frozenset({"verification.html", "verification.pdf", JSON, _TABLE, "figures"}),
-    JSON,
-    ACCEPTANCE_SCHEMA,
-)
-
-
-def check_target(folder: Path | str) -> None:
-    """Raise BadInput unless a verification may be written to `folder`."""
-    whole_folder.check_target(folder, _KIND)
+_TABLE = "errors.csv"
+ACCEPTANCE = Kind.of_answer("verification", "verification.json", ACCEPTANCE_SCHEMA, _TABLE)
 
 
 def write_acceptance_report(folder: Path | str, verified: Verified) -> None:
-    """Write the report of an acceptance test to `folder`, replacing one that zerobeam wrote there before.
-
-    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
-    """
-    write_folder(folder, _KIND, lambda new_folder: _write_files(new_folder, verified))
+    """Write the report of an acceptance test to `folder`. Raises as `write_answer`."""
+    tables = {_TABLE: [asdict(posture) for posture in verified.measured.postures]}
+    picture = errors_picture(verified.measured)
+    contents = FolderContents(to_json(verified), acceptance_page(verified), [picture], tables)
+    write_answer(folder, ACCEPTANCE, contents)
 
 
 def read_acceptance(folder: Path, sha256: str) -> Verified:
@@ -42,7 +30,7 @@ def read_acceptance(folder: Path, sha256: str) -> Verified:
 
     BadInput for a folder without one, and for that of another calibration.
     """
-    file = folder / JSON
+    file = folder / ACCEPTANCE.mark
     try:
         answer = read(Verified, read_text(file, LARGEST_RECORDING)[0])
     except ValueError as error:
@@ -60,20 +48,3 @@ def read_acceptance(folder: Path, sha256: str) -> Verified:
             file=file,
         )
     return answer
-
-
-def _write_files(folder: Path, verified: Verified) -> None:
-    picture = errors_picture(verified.measured)
-    write_page(
-        folder,
-        "verification",
-        acceptance_page(verified),
-        {picture.name: picture},
-        "study",
-        answer=(JSON, dumps(to_json(verified))),
-        tables={_TABLE: _rows(verified)},
-    )
-
-
-def _rows(verified: Verified) -> Iterator[dict[str, object]]:
-    yield from (asdict(posture) for posture in verified.measured.postures)

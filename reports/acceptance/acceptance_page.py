@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ...analysis.acceptance.acceptance import Acceptance, AcceptanceResult, EnteredOffset
+from ...analysis.acceptance.acceptance import Acceptance, AcceptancePlan, AcceptanceResult, EnteredOffset
 from ...analysis.acceptance.measured_error import MeasuredError, PostureError
 from ...analysis.status import Verdict as Tone
 from ...analysis.status import versions
@@ -17,11 +17,13 @@ from ...words.acceptance_words import (
     acceptance_reason,
     measured_sentence,
     mistake_sentence,
+    narrow_sentence,
     noticed_sentence,
     probability_words,
 )
+from ...words.controllers import no_offsets_words, taken_by
 from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, SIMULATED, by_plain_key, provenance_entry
-from ...words.wording import clipped, counted, label, measured_at, shown
+from ...words.wording import clipped, counted, label, listed, measured_at, shown
 from ..style.blocks import (
     Block,
     FigureBlock,
@@ -42,6 +44,15 @@ NAME = "before_and_after"
 MOST_DRAWN = 30
 _TONES: dict[Acceptance, Tone] = {"pass": "pass", "fail": "misfit", "inconclusive": "weak"}
 _UNKNOWN = "not stated"
+_STEPS = (
+    "Enter the values, bring targets back to about their places, and record these postures with the"
+    " corrected robot, as the run was recorded."
+)
+_NOTHING_ENTERED = (
+    "This plan and zerobeam verify are for a robot into which the values were entered; with corrected"
+    " programs or a corrected model the arm moves otherwise. To test the calibration there, measure a second"
+    " run with the same header: zerobeam analyse RUN --hold-out NEW.jsonl."
+)
 
 
 def acceptance_page(verified: Verified) -> Page:
@@ -61,8 +72,9 @@ def acceptance_page(verified: Verified) -> Page:
                 FigureBlock(NAME),
                 _errors_table(measured, measured_at(names, labels)),
                 Paragraph(f"{CONTROLLERS_MODEL} The noise is the standard deviation of one measurement."),
+                brief=True,
             ),
-            section_of("The test and its rule", *_test(verified)),
+            section_of("The test and its rule", *_test(verified), brief=True),
             section_of("What was compared", _compared(verified)),
             section_of("Approval", Form(_approved(verified.run), ("Signature",))),
         ],
@@ -92,14 +104,8 @@ def _errors_table(measured: MeasuredError, at: str) -> Table:
         after, noise = (numbers.significant(value, 2, "mm") for value in (posture.after_mm, posture.noise_mm))
         return row_of(str(posture.measurement), clipped(posture.target, 24), before, after, noise)
 
-    columns = [
-        ("measurement", "right"),
-        (at, "left"),
-        ("as found", "right"),
-        ("as left", "right"),
-        ("noise", "right"),
-    ]
-    return table_of("Error, posture by posture", columns, [row(one) for one in measured.postures])
+    columns = ["measurement", at, "as found", "as left", "noise"]
+    return table_of("Error, posture by posture", columns, [row(one) for one in measured.postures], "rlr")
 
 
 def _test(answer: AcceptanceResult) -> Iterator[Block]:
@@ -108,6 +114,21 @@ def _test(answer: AcceptanceResult) -> Iterator[Block]:
     yield Paragraph(noticed_sentence(answer.offsets))
     for mistake in answer.mistakes[:3]:
         yield Paragraph(mistake_sentence(mistake))
+
+
+def acceptance_plan_page(plan: AcceptancePlan, vendor: str | None) -> Page:
+    """What the planned test would notice, and what to do at a controller of this vendor."""
+    caution = f"Caution: {no_offsets_words(vendor)}. {_NOTHING_ENTERED}"
+    count = counted(len(plan.rows), "posture")
+    section = section_of(
+        "",
+        Paragraph(f"{count} of the run: measurements {listed([str(row) for row in plan.rows], 20)}."),
+        noticed_table(plan.offsets),
+        Paragraph(noticed_sentence(plan.offsets)),
+        Paragraph(narrow_sentence()) if plan.narrow else None,
+        Paragraph(_STEPS if taken_by(vendor) == "offsets" else caution),
+    )
+    return Page("", "", Verdict("held", "", ""), [], [section])
 
 
 def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:
@@ -122,7 +143,7 @@ def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:
         for offset in offsets
     ]
     heads = ("entered", "error of the tolerance", "not entered")
-    columns = [("name", "left"), *((head, "right") for head in heads)]
+    columns = ["name", *heads]
     return table_of("What the test notices", columns, rows)
 
 
@@ -138,9 +159,7 @@ def _compared(verified: Verified) -> Table:
         row_of("SHA-256", *(run.sha256 for run in runs)),
         row_of("zerobeam", "", versions()["zerobeam"]),
     ]
-    return table_of(
-        "The two runs", ["", ("calibration, as found", "left"), ("verification, as left", "left")], rows
-    )
+    return table_of("The two runs", ["", "calibration, as found", "verification, as left"], rows, "l")
 
 
 def _approved(run: RunOfTest) -> list[tuple[str, str]]:

@@ -7,8 +7,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
-from rich.console import Console
-from rich.text import Text
 
 from ...analysis.diagnostics.outliers import FEWEST_VALUES
 from ...experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchOffset, BatchRow
@@ -32,7 +30,6 @@ from ..style.blocks import (
 from ..style.blocks import Verdict as Headline
 from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
 from ..style.palette import light
-from ..style.rich_console import VERDICT_STYLE, note, print_block
 
 _MOST_ROWS = 1000
 _MOST_NAMED = 200
@@ -77,7 +74,7 @@ def batch_page(done: Batch) -> Page:
         Headline(key, word, f"{sentence}{': ' if others else ''}{', '.join(others)}."),
         list(_notes(done)),
         [
-            section_of("Outcomes", _outcomes(done)),
+            section_of("Outcomes", _outcomes(done), brief=True),
             *_failures(done),
             *_misfits(done),
             section_of("Odd arms", *_outliers(done)),
@@ -109,7 +106,7 @@ def _notes(done: Batch) -> Iterator[str]:
 
 
 def _outcomes(done: Batch) -> Table:
-    columns = [("outcome", "left"), ("runs", "right"), ("share", "right")]
+    columns = ["outcome", "runs", "share"]
     rows = [
         row_of(Cell(_WORDS[outcome], mark=_MARK[outcome]), f"{number:,}", f"{number / len(done.rows):.1%}")
         for outcome, number in done.counts.items()
@@ -122,12 +119,16 @@ def _failures(done: Batch) -> list[Section]:
     rows = [row for row in done.rows if row.outcome == "failed"]
     if not rows:
         return []
-    columns = [("file", "left"), ("message", "left")]
+    columns = ["file", "message"]
     lines = [
         row_of(clipped(row.file, 60), clipped("; ".join(_lines(row.message)), _LONGEST_MESSAGE))
         for row in rows[:_MOST_NAMED]
     ]
-    return [section_of("Failures", table_of(_caption("Runs without a result", rows), columns, lines))]
+    return [
+        section_of(
+            "Failures", table_of(_caption("Runs without a result", rows), columns, lines, "l"), brief=True
+        )
+    ]
 
 
 def _lines(message: str) -> list[str]:
@@ -139,7 +140,7 @@ def _misfits(done: Batch) -> list[Section]:
     if not rows:
         return []
     rows = sorted(rows, key=lambda row: -(row.factor or 0.0))
-    columns = [("run", "left"), ("criteria", "left"), ("residuals / noise", "right"), ("p-value", "right")]
+    columns = ["run", "criteria", "residuals / noise", "p-value"]
     lines = [
         row_of(
             _run(row),
@@ -151,7 +152,7 @@ def _misfits(done: Batch) -> list[Section]:
         for row in rows[:_MOST_NAMED]
     ]
     about = Paragraph("The model does not describe these measurements: none of their offsets is validated.")
-    return [section_of("Lack of fit", about, table_of(_caption("Misfits", rows), columns, lines))]
+    return [section_of("Lack of fit", about, table_of(_caption("Misfits", rows), columns, lines, "llr"))]
 
 
 def _outliers(done: Batch) -> list[Block]:
@@ -163,14 +164,7 @@ def _outliers(done: Batch) -> list[Block]:
     )
     if not done.outliers:
         return [Paragraph(f"None. {explanation}")]
-    columns = [
-        ("run", "left"),
-        ("robot", "left"),
-        ("serial", "left"),
-        ("offset", "left"),
-        ("estimate", "right"),
-        ("standard deviations off", "right"),
-    ]
+    columns = ["run", "robot", "serial", "offset", "estimate", "standard deviations off"]
     rows = [
         row_of(
             clipped(arm.run, _LONGEST_NAME),
@@ -183,7 +177,7 @@ def _outliers(done: Batch) -> list[Block]:
         )
         for arm in done.outliers[:_MOST_NAMED]
     ]
-    return [Paragraph(explanation), table_of(_caption("Odd offsets", done.outliers), columns, rows)]
+    return [Paragraph(explanation), table_of(_caption("Odd offsets", done.outliers), columns, rows, "llllr")]
 
 
 def _largest(done: Batch) -> Table | None:
@@ -192,29 +186,29 @@ def _largest(done: Batch) -> Table | None:
     if not known:
         return None
     known.sort(key=lambda pair: -(pair[1].u or 0.0))
-    columns = [("run", "left"), ("outcome", "left"), ("offset", "left"), ("u", "right")]
+    columns = ["run", "outcome", "offset", "u"]
     lines = [row_of(_run(row), _outcome(row), label(worst.name), _u(worst)) for row, worst in known[:20]]
-    return table_of(f"The {len(lines)} largest", columns, lines)
+    return table_of(f"The {len(lines)} largest", columns, lines, "lllr")
 
 
 def _every(done: Batch) -> Table:
     rows = sorted(done.rows, key=lambda row: OUTCOMES.index(row.outcome))
     columns = [
-        ("run", "left"),
-        ("outcome", "left"),
-        ("robot", "left"),
-        ("serial", "left"),
-        ("when", "left"),
-        ("measurements", "right"),
-        ("worst offset", "left"),
-        ("u", "right"),
-        ("residuals / noise", "right"),
-        ("posterior", "left"),
+        "run",
+        "outcome",
+        "robot",
+        "serial",
+        "when",
+        "measurements",
+        "worst offset",
+        "u",
+        "residuals / noise",
+        "posterior",
     ]
     caption = "The gravest first; results are in the folders of these names"
     if len(rows) > _MOST_ROWS:
         caption += f". The first {_MOST_ROWS:,} of {len(rows):,}: runs.csv has all"
-    return table_of(caption, columns, [_row(row) for row in rows[:_MOST_ROWS]])
+    return table_of(caption, columns, [_row(row) for row in rows[:_MOST_ROWS]], "lllllrlrrl")
 
 
 def _row(row: BatchRow) -> Row:
@@ -311,24 +305,3 @@ def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
         " all runs has each.",
         svg,
     )
-
-
-_MOST_PRINTED = 20
-
-
-def print_batch(out: Console, done: Batch) -> None:
-    """How many have which outcome, and the failures with the first line of their message."""
-    page = batch_page(done)
-    out.print(
-        Text(f"{page.verdict.word}. ", style=VERDICT_STYLE[page.verdict.key]) + Text(page.verdict.sentence)
-    )
-    for text in page.notes:
-        out.print(note(text))
-    for block in page.sections[0].all:
-        print_block(out, block)
-    failed = [row for row in done.rows if row.outcome == "failed"]
-    for row in failed[:_MOST_PRINTED]:
-        first = row.message.splitlines()[0]
-        out.print(Text(f"{clipped(row.file, 60)}: ", style="bold") + Text(clipped(first, 200)))
-    if len(failed) > _MOST_PRINTED:
-        out.print(Text(f"… and {len(failed) - _MOST_PRINTED} more failures, in runs.csv"))

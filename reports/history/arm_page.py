@@ -293,20 +293,13 @@ def _never(history: ArmHistory) -> Iterator[Block]:
 
 def calibrations(history: ArmHistory) -> Table:
     """Every result, the newest first."""
-    columns = [
-        ("date", "left"),
-        ("verdict", "left"),
-        ("worst u", "left"),
-        ("instrument", "left"),
-        ("operator", "left"),
-        ("document", "left"),
-    ]
+    columns = ["date", "verdict", "worst u", "instrument", "operator", "document"]
     caption = "The newest first. Worst u: largest standard uncertainty; document: SHA-256 of result.json"
     if len(history.results) > _MOST_ROWS:
         caption += f". The last {_MOST_ROWS} of {len(history.results):,}: arm.json has all"
     newest = list(zip(history.results, history.judged, strict=True))[: -_MOST_ROWS - 1 : -1]
     rows = [_calibration(one, judged) for one, judged in newest]
-    return table_of(caption, columns, rows)
+    return table_of(caption, columns, rows, "l")
 
 
 def _calibration(result: StoredResult, judged: Judgement | None) -> Row:
@@ -338,8 +331,8 @@ def _worst(result: StoredResult) -> str:
 def _left_out(history: ArmHistory) -> Table:
     newest = list(reversed(history.arm.left_out))[:_MOST_ROWS]
     rows = [row_of(day(one.result.measured_at), one.reason) for one in newest]
-    columns = [("date", "left"), ("why", "left")]
-    return table_of("Results that have no part in the drift, the newest first", columns, rows)
+    columns = ["date", "why"]
+    return table_of("Results that have no part in the drift, the newest first", columns, rows, "l")
 
 
 def _about(history: ArmHistory) -> Iterator[tuple[str, str]]:

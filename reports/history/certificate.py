@@ -34,7 +34,7 @@ from ...words.provenance import (
     traced,
 )
 from ..acceptance.acceptance_folder import read_acceptance
-from ..output.whole_folder import Kind, write_folder, write_page
+from ..output.whole_folder import FolderContents, Kind, write_answer
 from .certificate_page import SIGNED, certificate_page
 
 if TYPE_CHECKING:
@@ -267,10 +267,7 @@ def why_history_differs(history: Database, certificate: Json) -> str | None:
 
 
 JSON = "certificate.json"
-_NAMES = [Path(name) for name in SIGNED]
-_KIND = Kind(
-    "certificate", frozenset({*SIGNED, *(signature_file(name).name for name in _NAMES)}), JSON, SCHEMA
-)
+_KIND = Kind.of_answer("certificate", JSON, SCHEMA, *(signature_file(Path(name)).name for name in SIGNED))
 
 
 def write_certificate(
@@ -291,22 +288,14 @@ def write_certificate(
     verified = None if acceptance is None else read_acceptance(acceptance, stored.sha256)
     certificate = certificate_json(stored, result, by, issued, verified)
 
-    def fill(new_folder: Path) -> None:
-        write_page(
-            new_folder,
-            "certificate",
-            certificate_page(certificate),
-            {},
-            "study",
-            answer=(JSON, dumps(certificate)),
-        )
-        (new_folder / "figures").rmdir()  # there is none
+    def sign_all(new_folder: Path) -> None:
         beside = {name: sha256((new_folder / name).read_bytes()) for name in SIGNED if name != JSON}
         (new_folder / JSON).write_text(dumps({**certificate, "files": beside}), encoding="utf-8")
         for name in SIGNED:
             sign(new_folder / name, key)
 
-    write_folder(folder, _KIND, fill)
+    contents = FolderContents(certificate, certificate_page(certificate), others=sign_all)
+    write_answer(folder, _KIND, contents)
     return by
 
 

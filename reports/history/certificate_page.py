@@ -224,9 +224,15 @@ def _rules(certificate: Mapping[str, Any]) -> Iterator[str]:
 def _offsets(certificate: Mapping[str, Any]) -> Iterator[Block]:
     rows, assumed, k = certificate["offsets"], certificate["assumed"], certificate["coverage"]["k"]
     nominal = assumed["geometry"]["tolerance"] is None
-    columns = [("name", "left"), ("estimate", "right"), (f"U ({numbers.coverage(k)})", "right")]
-    more = [(_IF_IT_DEVIATES, "right")] if nominal else []
-    yield table_of(OFFSETS, [*columns, *more, ("status", "left")], [_offset(row, nominal, k) for row in rows])
+    heads = [
+        "name",
+        "estimate",
+        f"U ({numbers.coverage(k)})",
+        *([_IF_IT_DEVIATES] if nominal else []),
+        "status",
+    ]
+    aligned = "lrrrl" if nominal else "lrrl"
+    yield table_of(OFFSETS, heads, [_offset(row, nominal, k) for row in rows], aligned)
     yield Paragraph(
         f"U is the expanded uncertainty, the standard uncertainty times {numbers.coverage(k)}: estimate ± U"
         " holds the offset with a probability of about 95 % (JCGM 100)."
@@ -271,10 +277,9 @@ def _offset(row: Mapping[str, Any], nominal: bool, k: float) -> Row:
 def _intervals(rows: list[Mapping[str, Any]]) -> Table:
     methods = ("linear", "profile", "posterior")
     heads = ("name", "curvature at the mode", "profile likelihood", "posterior")
-    columns = [(head, "left" if head == "name" else "right") for head in heads]
     return table_of(
         "95 % intervals by three methods, where they differ",
-        columns,
+        heads,
         [row_of(label(row["name"]), *(_interval(row[key], row) for key in methods)) for row in rows],
     )
 

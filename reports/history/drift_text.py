@@ -60,8 +60,7 @@ def arms_drift_table(arms: Sequence[ArmDrift]) -> Block:
         for arm in arms
     ]
     heads = ("arm", "model", "results", "clearest jump", "due")
-    columns = [(head, "right" if head == "results" else "left") for head in heads]
-    return table_of("Drift of all arms", columns, rows)
+    return table_of("Drift of all arms", heads, rows, "llrl")
 
 
 def offsets_block(arm: ArmDrift) -> Block:
@@ -70,8 +69,7 @@ def offsets_block(arm: ArmDrift) -> Block:
         row_of(label(offset.name), _now(offset), *_rate(offset.rate, offset.unit)) for offset in arm.offsets
     ]
     heads = ("offset", "at the last result", "drift rate", "95 % interval")
-    columns = [(head, "left" if head == "offset" else "right") for head in heads]
-    return table_of("Offsets by all results, and their drift rate per root year", columns, rows)
+    return table_of("Offsets by all results, and their drift rate per root year", heads, rows)
 
 
 def _rate(rate: Rate | None, unit: str) -> tuple[str | Cell, str]:
@@ -109,7 +107,6 @@ def without_jump(arm: ArmDrift) -> str:
 def _changes_table(caption: str, head: str, rows: Sequence[tuple[DatedChange, str]]) -> Table:
     """Changes, each with what stands in the column `head`."""
     heads = ("offset", "between", "change", head, "events")
-    columns = [(title, "right" if title in ("change", head) else "left") for title in heads]
     cells = [
         row_of(
             Cell(label(dated.offset), mark="weak"),
@@ -120,7 +117,7 @@ def _changes_table(caption: str, head: str, rows: Sequence[tuple[DatedChange, st
         )
         for dated, text in rows
     ]
-    return table_of(caption, columns, cells)
+    return table_of(caption, heads, cells, "llrrl")
 
 
 def _change(change: DatedChange) -> str:
@@ -165,13 +162,11 @@ def fleet_blocks(fleet: FleetDrift) -> Iterator[Block]:
 
 
 def _models(fleet: FleetDrift) -> Block:
-    heads = ("model", "offset", "arms", "drift rate", "95 % interval", "u of a result", "drift > u in a year")
-    columns = [(head, "left" if head in ("model", "offset") else "right") for head in heads]
-    columns.append(("says", "left"))
+    rate = ("drift rate", "95 % interval", "u of a result", "drift > u in a year")
     return table_of(
         "Drift rate of the median arm of each model, per root year. An offset drifts if it changes by more"
         f" than the standard uncertainty of a result in a year; any false alarm: at most {fleet.alarm:.0%}",
-        columns,
+        ("model", "offset", "arms", *rate, "says"),
         [
             row_of(
                 clipped(model.model, 20),
@@ -183,6 +178,7 @@ def _models(fleet: FleetDrift) -> Block:
             )
             for model in fleet.models
         ],
+        "llrrrrrl",
     )
 
 
@@ -239,10 +235,8 @@ def _fastest(fleet: FleetDrift) -> Block:
         if offset_walk.shrunken
     ]
     heads = ("arm", "model", "offset", "drift rate", "95 % interval", "mostly by", "possible cause")
-    columns = [(head, "right" if head in ("drift rate", "95 % interval") else "left") for head in heads]
-    return table_of(
-        "Fastest drifts of single arms over the u of a result, with the rates of their model", columns, rows
-    )
+    caption = "Fastest drifts of single arms over the u of a result, with the rates of their model"
+    return table_of(caption, heads, rows, "lllrrl")
 
 
 def _about_arms(fleet: FleetDrift) -> Iterator[Block]:
@@ -283,9 +277,7 @@ def _instrument_blocks(fleet: FleetDrift) -> Iterator[Block]:
         if len(shown) < len(ordered):
             caption += f". {len(shown)} of {len(ordered)}: --json has all"
         heads = ("instrument", "less", "offset", "difference", "95 % interval", "p-value", "says")
-        right = ("difference", "95 % interval", "p-value")
-        columns = [(head, "right" if head in right else "left") for head in heads]
-        yield table_of(caption, columns, [_bias(bias) for bias in shown])
+        yield table_of(caption, heads, [_bias(bias) for bias in shown], "lllrrrl")
         if any(len(bias.against) == 1 for bias in shown):
             yield Paragraph("Of two instruments only the difference is known, not whose bias it is.")
     yield from map(Paragraph, _not_determined(fleet))

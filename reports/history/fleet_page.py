@@ -92,9 +92,9 @@ def headline(fleet: Fleet) -> Headline:
 
 
 def _counts(fleet: Fleet) -> Table:
-    columns = [("state", "left"), ("arms", "right"), ("what to do", "left")]
+    columns = ["state", "arms", "what to do"]
     rows = [row_of(state, f"{number:,}", _TO_DO[state]) for state, number in fleet.counts.items() if number]
-    return table_of("Arms by state, the gravest first", columns, rows)
+    return table_of("Arms by state, the gravest first", columns, rows, "lrl")
 
 
 def _reasons(fleet: Fleet) -> Iterator[Section]:
@@ -106,13 +106,13 @@ def _reasons(fleet: Fleet) -> Iterator[Section]:
             by_reason.setdefault(reason, []).append(clipped(row.serial, 24))
     if not by_reason:
         return
-    columns = [("why", "left"), ("arms", "right"), ("which", "left")]
+    columns = ["why", "arms", "which"]
     ordered = sorted(by_reason.items(), key=lambda pair: -len(pair[1]))[:_MOST_REASONS]
     rows = [row_of(with_labels(why), f"{len(arms):,}", listed(arms, 4)) for why, arms in ordered]
     caption = "The reason of most arms first"
     if len(by_reason) > _MOST_REASONS:
         caption += f". {_MOST_REASONS} of {len(by_reason):,}: fleet.csv has all"
-    yield section_of("Why due now, or without a date", table_of(caption, columns, rows))
+    yield section_of("Why due now, or without a date", table_of(caption, columns, rows, "lrl"))
 
 
 def _together(fleet: Fleet) -> Iterator[Section]:
@@ -122,20 +122,11 @@ def _together(fleet: Fleet) -> Iterator[Section]:
 
 
 def _every(fleet: Fleet) -> Table:
-    columns = [
-        ("arm", "left"),
-        ("state", "left"),
-        ("model", "left"),
-        ("due", "right"),
-        ("clearest jump", "right"),
-        ("results", "right"),
-        ("last", "right"),
-        ("verdict", "left"),
-    ]
+    columns = ["arm", "state", "model", "due", "clearest jump", "results", "last", "verdict"]
     caption = "The gravest first, then by due date; each arm leads to its page"
     if len(fleet.rows) > MOST_ROWS:
         caption += f". The first {MOST_ROWS:,} of {len(fleet.rows):,}: fleet.csv and fleet.json have all"
-    return table_of(caption, columns, [_row(fleet, row) for row in fleet.rows[:MOST_ROWS]])
+    return table_of(caption, columns, [_row(fleet, row) for row in fleet.rows[:MOST_ROWS]], "lllrrrrl")
 
 
 def _row(fleet: Fleet, row: ArmState) -> Row:

@@ -21,40 +21,26 @@ from ...experiments.history.documents import (
 )
 from ...experiments.history.fleet_drift import fleet_drift
 from ...experiments.processes import side_by_side
-from ...model.records import dumps, to_json
+from ...model.records import to_json
 from ..output import whole_folder
-from ..output.whole_folder import LITTER, Kind, write_folder, write_page
+from ..output.whole_folder import LITTER, FolderContents, Kind, write_answer, write_files, write_folder
 from .arm_page import ArmHistory, arm_page, headline, state_row
 from .fleet_page import MOST_ROWS, Fleet, due_picture, fleet_page
 from .lists import offset_rows
 from .trend_figure import trend_pictures
 
 ARM_PAGE, FLEET_PAGE = "arm.html", "fleet.html"
-_ARM_JSON, _ARM_TABLE = "arm.json", "offsets.csv"
-_FLEET_JSON, _FLEET_TABLE, _ARMS = "fleet.json", "fleet.csv", "arms"
-_ARM = Kind(
-    "page of an arm",
-    frozenset({ARM_PAGE, "arm.pdf", _ARM_JSON, _ARM_TABLE, "figures"}),
-    _ARM_JSON,
-    ARM_SCHEMA,
-)
-_FLEET = Kind(
-    "page of all arms",
-    frozenset({FLEET_PAGE, "fleet.pdf", _FLEET_JSON, _FLEET_TABLE, "figures", _ARMS}),
-    _FLEET_JSON,
-    FLEET_SCHEMA,
-)
+_ARM_TABLE, _FLEET_TABLE, _ARMS = "offsets.csv", "fleet.csv", "arms"
+_ARM = Kind.of_answer("page of an arm", "arm.json", ARM_SCHEMA, _ARM_TABLE)
+_FLEET = Kind.of_answer("page of all arms", "fleet.json", FLEET_SCHEMA, _FLEET_TABLE, _ARMS)
 _LONGEST_NAME = 40
 _SEVERAL = 8  # arms: fewer are written sooner than processes start
 _OF_ARMS = 0.9  # of the time: the pages of the arms
 
 
 def write_arm(folder: Path, history: ArmHistory) -> None:
-    """Write arm.html, arm.pdf, arm.json, offsets.csv and the figures, replacing such a page that was there.
-
-    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
-    """
-    write_folder(folder, _ARM, lambda new_folder: _write_arm(new_folder, history))
+    """Write arm.html, arm.pdf, arm.json, offsets.csv and the figures. Raises as `write_answer`."""
+    write_answer(folder, _ARM, _of_arm(history))
 
 
 def write_fleet(
@@ -125,19 +111,10 @@ def safe_name(serial: str, model: str) -> str:
     return f"{plain}-{digest}" if plain else digest
 
 
-def _write_arm(folder: Path, history: ArmHistory) -> None:
-    pictures = {
-        picture.name: picture for picture in trend_pictures(history.arm, history.events, history.never)
-    }
-    write_page(
-        folder,
-        "arm",
-        arm_page(history),
-        pictures,
-        "study",
-        answer=(_ARM_JSON, dumps(to_json(arm_document(history)))),
-        tables={_ARM_TABLE: offset_rows(history.results)},
-    )
+def _of_arm(history: ArmHistory) -> FolderContents:
+    pictures = trend_pictures(history.arm, history.events, history.never)
+    tables = {_ARM_TABLE: offset_rows(history.results)}
+    return FolderContents(to_json(arm_document(history)), arm_page(history), pictures, tables)
 
 
 def _write_fleet(
@@ -178,15 +155,10 @@ def _write_fleet(
     }
     drift = fleet_drift(drifts, lambda stage, share: tell(stage, _OF_ARMS + (1 - _OF_ARMS) * share))
     fleet = Fleet(tuple(rows), pages, tolerance_mm, as_of, drift)
-    picture = None if as_of is None else due_picture(rows, as_of)
-    write_page(
-        folder,
-        "fleet",
-        fleet_page(fleet),
-        {} if picture is None else {picture.name: picture},
-        "study",
-        answer=(_FLEET_JSON, dumps(to_json(fleet_document(fleet)))),
-        tables={_FLEET_TABLE: map(state_row, rows)},
+    pictures = [] if as_of is None else [due_picture(rows, as_of)]
+    tables = {_FLEET_TABLE: map(state_row, rows)}
+    write_files(
+        folder, _FLEET, FolderContents(to_json(fleet_document(fleet)), fleet_page(fleet), pictures, tables)
     )
     return fleet
 
@@ -201,4 +173,4 @@ def _write_beside(folder: Path, arms: Iterator[ArmHistory], count: int) -> None:
 def _written(job: tuple[Path, ArmHistory]) -> None:
     folder, history = job
     folder.mkdir(parents=True)
-    _write_arm(folder, history)
+    write_files(folder, _ARM, _of_arm(history))

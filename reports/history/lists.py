@@ -34,7 +34,6 @@ def day(when: datetime | None) -> str:
 def arms_table(arms: Sequence[Arm], judged: Sequence[Judgement | None]) -> Table:
     """Every arm with its last result, and what that is worth."""
     heads = ("arm", "model", "results", "last", "verdict")
-    columns = [(head, "right" if head == "results" else "left") for head in heads]
     rows = [
         row_of(
             clipped(arm.serial, 30),
@@ -46,13 +45,13 @@ def arms_table(arms: Sequence[Arm], judged: Sequence[Judgement | None]) -> Table
         )
         for arm, worth in zip(arms, judged, strict=True)
     ]
-    return table_of(f"{counted(len(arms), 'arm')}, by serial number", columns, rows)
+    return table_of(f"{counted(len(arms), 'arm')}, by serial number", heads, rows, "llrl")
 
 
 def results_table(results: Sequence[StoredResult], judged: Sequence[Judgement | None]) -> Table:
     """The results of an arm in the order of time, and what each is worth: an offset a column."""
     names = offset_names(results)
-    columns = [("date", "left"), ("verdict", "left"), *((label(name), "right") for name in names)]
+    columns = ["date", "verdict", *(label(name) for name in names)]
     rows = [
         row_of(
             day(result.measured_at),
@@ -62,7 +61,7 @@ def results_table(results: Sequence[StoredResult], judged: Sequence[Judgement | 
         )
         for result, worth in zip(results, judged, strict=True)
     ]
-    return table_of(f"{counted(len(results), 'result')}, ± standard uncertainty", columns, rows)
+    return table_of(f"{counted(len(results), 'result')}, ± standard uncertainty", columns, rows, "llr")
 
 
 def verdict_cell(verdict: Verdict, judged: Judgement | None) -> Cell:
@@ -80,8 +79,8 @@ def offset_names(results: Iterable[StoredResult]) -> list[str]:
 def events_table(events: Sequence[Event]) -> Table | None:
     """The logged events; None where there is none."""
     rows = [row_of(day(event.at), event.what, shown(event.note)) for event in events]
-    columns = [("date", "left"), ("event", "left"), ("note", "left")]
-    return table_of("Events", columns, rows) if rows else None
+    columns = ["date", "event", "note"]
+    return table_of("Events", columns, rows, "l") if rows else None
 
 
 def history_text(

@@ -6,7 +6,6 @@ import base64
 import functools
 import hashlib
 import re
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,37 +149,8 @@ def _css(turnable: Turnable | None) -> Markup:
     return Markup(style() + ("" if turnable is None else template_text("scene.css")))
 
 
-_WIDTH = 96
-_MOST_ROWS = 8  # with verdict and heads, text stays below fifteen lines
-
-
 def card(page: Page | None, tables: Sequence[Table]) -> str:
     """The heading, verdict and notes of a page (or nothing) with some tables, as HTML for another page."""
     return template("card.html.j2").render(
         view=page, tables=tables, css=Markup(_coloured(template_text("card.css")))
     )
-
-
-def text(page: Page, table: Table) -> str:
-    """The same as text: title, message or verdict, one table; of a long table the first rows."""
-    from ...words.message import lines_of
-
-    sentences = (
-        [f"{page.verdict.word}. {page.verdict.sentence}"] if page.message is None else lines_of(page.message)
-    )
-    headline = [line for text in sentences for line in textwrap.wrap(text, _WIDTH)]
-    lines = (*headline, *table_lines(table, _MOST_ROWS))
-    return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in lines)])
-
-
-def table_lines(table: Table, most: int | None = None) -> list[str]:
-    """A table as lines of text, of at most so many rows."""
-    rows = [[cell.text for cell in row.cells] for row in table.rows]
-    if most is not None and len(rows) > most:
-        rows = [*rows[: most - 1], [f"… {len(rows) - most + 1} more"]]
-    cells = [[column.text for column in table.columns], *rows]
-    widths = [max(len(row[k]) for row in cells if k < len(row)) for k in range(len(table.columns))]
-    return [
-        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
-        for row in cells
-    ]

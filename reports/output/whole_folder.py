@@ -10,14 +10,15 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput, NotWritten
 from ...model.files.whole_file import WRITER, is_part, remove_abandoned, writer
 from ...model.parsing.confinement import require_within
+from ...model.records import dumps
 from ...words.spreadsheet import Row, csv_text
 from ..style.blocks import Page
 from ..style.canvas import Picture
@@ -40,6 +41,43 @@ class Kind:
     names: frozenset[str]
     mark: str
     schema: str
+    pages: str = ""
+    shown_as: PageKind = "study"
+
+    @classmethod
+    def of_answer(
+        cls, noun: str, mark: str, schema: str, *others: str, pages: str = "", shown_as: PageKind = "study"
+    ) -> Kind:
+        """The folder of an answer, with pages called as its JSON file is, or `pages`; `others` are its tables
+        and what else may be in it."""
+        pages = pages or Path(mark).stem
+        names = frozenset({f"{pages}.html", f"{pages}.pdf", mark, "figures", *others})
+        return cls(noun, names, mark, schema, pages, shown_as)
+
+
+@dataclass(frozen=True)
+class FolderContents:
+    """What is written of an answer: itself as JSON, its page with pictures and scene, rows by the name of the
+    CSV file, and `others`, which are written last."""
+
+    answer: dict[str, Any]
+    page: Page
+    pictures: Iterable[Picture | None] = ()
+    tables: Mapping[str, Iterable[Row]] = field(default_factory=dict)
+    turnable: Turnable | None = None
+    others: Callable[[Path], None] = lambda folder: None
+
+
+@dataclass(frozen=True)
+class Written:
+    """The files of an answer; `result` is its JSON."""
+
+    folder: Path
+    html: Path
+    pdf: Path
+    result: Path
+    tables: tuple[Path, ...]
+    figures: tuple[Path, ...]
 
 
 def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -> Made:
@@ -183,30 +221,40 @@ def _cannot_write(where: Path, kind: Kind, error: OSError) -> NotWritten:
     )
 
 
-def write_page(
-    folder: Path,
-    stem: str,
-    page: Page,
-    pictures: Mapping[str, Picture],
-    kind: PageKind,
-    *,
-    answer: tuple[str, str],
-    tables: Mapping[str, Iterable[Row]] | None = None,
-    turnable: Turnable | None = None,
-) -> list[str]:
-    """Write `stem`.html and .pdf, `answer` (file name and text), the tables by file name and the figures into
-    an empty folder; returns the names of the figures. The HTML of a report carries its answer."""
-    name, text = answer
-    (folder / name).write_text(text, encoding="utf-8")
-    for file, rows in (tables or {}).items():
+def write_answer(folder: Path | str, kind: Kind, contents: FolderContents) -> Written:
+    """Write an answer to `folder`, replacing one of its kind that zerobeam wrote there before.
+
+    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
+    """
+    figures = write_folder(folder, kind, lambda new_folder: write_files(new_folder, kind, contents))
+    folder = Path(folder)
+    return Written(
+        folder=folder,
+        html=folder / f"{kind.pages}.html",
+        pdf=folder / f"{kind.pages}.pdf",
+        result=folder / kind.mark,
+        tables=tuple(folder / name for name in contents.tables),
+        figures=tuple(folder / "figures" / name for name in figures),
+    )
+
+
+def write_files(folder: Path, kind: Kind, contents: FolderContents) -> list[str]:
+    """Write all files of an answer into an empty folder; returns the names of the figures. The HTML of a
+    report carries its answer."""
+    page, answer = contents.page, dumps(contents.answer)
+    pictures = {picture.name: picture for picture in contents.pictures if picture is not None}
+    (folder / kind.mark).write_text(answer, encoding="utf-8")
+    for file, rows in contents.tables.items():
         (folder / file).write_text(csv_text(rows), encoding="utf-8")
-    attached = text if kind == "report" else ""
     with ThreadPoolExecutor(1) as beside:  # typst leaves the interpreter to others
         document = beside.submit(pdf, page, pictures)
-        text = html(page, pictures, kind, attached, turnable)
-        (folder / f"{stem}.html").write_text(text, encoding="utf-8")
-        (folder / f"{stem}.pdf").write_bytes(document.result())
-    (folder / "figures").mkdir()
+        attached = answer if kind.shown_as == "report" else ""
+        text = html(page, pictures, kind.shown_as, attached, contents.turnable)
+        (folder / f"{kind.pages}.html").write_text(text, encoding="utf-8")
+        (folder / f"{kind.pages}.pdf").write_bytes(document.result())
+    if pictures:
+        (folder / "figures").mkdir()
     for name, picture in pictures.items():
         (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+    contents.others(folder)
     return [f"{name}.svg" for name in pictures]

@@ -33,7 +33,8 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from .plan_page import Postures, postures_of, verdict_on
+from .check_page import verdict_on
+from .plan_page import Postures, postures_of
 
 _DIGITS = {"deg": 3, "mm": 3, "rad": 5, "pulse": 0}  # decimals, as pendants show them
 _FIELD = "\u2009".join(["_"] * 9)
@@ -116,8 +117,8 @@ def _joints(pendant: Pendant, row: Matrix) -> list[str]:
     ]
 
 
-def _names(pendant: Pendant) -> list[tuple[str, str]]:
-    return [(pendant.names[i], "right") for i in pendant.order]
+def _names(pendant: Pendant) -> list[str]:
+    return [pendant.names[i] for i in pendant.order]
 
 
 def _overview(plan: Plan, postures: Postures, steps: Sequence[_Posture], pendant: Pendant) -> Table:
@@ -128,10 +129,9 @@ def _overview(plan: Plan, postures: Postures, steps: Sequence[_Posture], pendant
             length = _millimetres(postures.length[step.row]) if part.instrument.beam else ""
             row = [str(number), _measured(plan, number), *_joints(pendant, plan.postures[number])]
             rows.append(row_of(*row, *([length] if beams else [])))
-    columns = [("posture", "right"), ("measured", "left"), *_names(pendant)]
-    columns += [("beam", "right")] if beams else []
+    heads = ["posture", "measured", *_names(pendant), *(["beam"] if beams else [])]
     caption = f"Planned postures{', and the length of the beam' if beams else ''}"
-    return table_of(caption, columns, rows)
+    return table_of(caption, heads, rows, "rlr")
 
 
 def _measured(plan: Plan, number: int, of_target: str = "") -> str:
@@ -165,7 +165,7 @@ def _posture(aimed: AimedPlan, postures: Postures, step: _Posture, pendant: Pend
         row_of("recorded", *[_FIELD] * plan.robot.n),
     ]
     which = listed([str(number) for number in step.numbers])
-    table = table_of(f"Joints at posture {which}", [("", "left"), *_names(pendant)], rows)
+    table = table_of(f"Joints at posture {which}", ["", *_names(pendant)], rows)
     fields = dict.fromkeys(field for part in step.parts for field in part.instrument.words.fields)
     filled: Sequence[tuple[str, str]] = [*((field, _FIELD) for field in fields), ("Time, remarks", _FIELD)]
     note = None
@@ -186,7 +186,7 @@ def _readings(plan: Plan, step: _Posture) -> Iterator[Table]:
             row = row_of(_measured(plan, number), *[_FIELD] * len(heads))
             by_heads.setdefault(heads, []).append(row)
     for heads, rows in by_heads.items():
-        yield table_of("Readings", [("", "left"), *((head, "right") for head in heads)], rows)
+        yield table_of("Readings", ["", *heads], rows)
 
 
 def _lines(aimed: AimedPlan, postures: Postures, step: _Posture) -> list[tuple[Matrix, Matrix | None]]:

@@ -15,40 +15,36 @@ from numpy.typing import NDArray
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
-from ...analysis.observability.check import Check, CheckedParameter
-from ...analysis.observability.geometry_result import GeometryResult
+from ...analysis.observability.check import Check
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.whole_file import write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
-from ...words.numbers import unit_of
 from ...words.observability import outlook_lines, rank_facts
-from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
-from ...words.wording import clipped, counted, label, listed, person, sentence, shown
+from ...words.verdict import check_notes
+from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..output.html import Turnable, html
-from ..run.parameter_section import legend, reasons, worth_column
+from ..run.parameter_section import legend, reasons
 from ..run.unobservable import direction_words, tolerance_only
 from ..scenes.scene import Placed, Posed, Scene3D, axes_of, floor_of
 from ..scenes.turnable import MOST_DRAWN, turnable
 from ..style.blocks import (
-    Cell,
     Commands,
     Directions,
     Facts,
     Legend,
     Page,
     Paragraph,
-    Row,
     SceneBlock,
     Section,
     Table,
-    Verdict,
     row_of,
     section_of,
     table_of,
 )
+from .check_page import NOT_DETERMINED, predicted_table, verdict_on
 
 
 class Postures(NamedTuple):
@@ -118,7 +114,6 @@ def posture_in_scene(postures: Postures, i: int, name: str) -> Posed:
     return Posed(name, postures.arm[i], postures.origin[i], end, bool(postures.reaches[i]))
 
 
-NOT_DETERMINED = "unidentifiable from these measurements"
 _MARK = b'<meta name="generator" content="zerobeam plan page">'
 _HEAD = 1000  # bytes: where the mark is, before anything that comes from a plan
 _NEAR_MM = 0.01
@@ -156,12 +151,6 @@ def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
     )
 
 
-def verdict_on(check: Check) -> Verdict:
-    """The verdict on a plan, as a page has it."""
-    text = sentence(check_headline(check, person))
-    return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], text)
-
-
 def _page(plan: Plan, check: Check, postures: Postures) -> Page:
     inputs, facts = check.inputs, check.identifiability
     targets = [clipped(name, 24) for name in plan.target_names]
@@ -179,7 +168,7 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
             section_of("", SceneBlock()),
             section_of(
                 "Predicted uncertainties",
-                _predicted(check),
+                predicted_table(check, others),
                 Legend(legend((row.status for row in others), header), reasons(others)),
             ),
             section_of(
@@ -212,34 +201,6 @@ def _copies(lines: list[str]) -> list[Section]:
         return []
     blocks = Paragraph(_ABOUT_COPIES), Commands(lines)
     return [section_of("The same to copy into a plan", *blocks, level=2)]
-
-
-def _predicted(check: Check) -> Table:
-    columns = [
-        ("name", "left"),
-        ("status", "left"),  # second, so that a phone shows it without scrolling
-        ("predicted u", "right"),
-        (worth_column(check.geometry)[0], "right"),
-        ("without prior", "right"),
-        ("prior", "right"),
-    ]
-    caption = "Standard uncertainties u that these measurements will give"
-    rows = [_predicted_row(row, check.geometry) for row in check.parameters if not row.tolerated]
-    return table_of(caption, columns, rows)
-
-
-def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:
-    """One unknown. Where it is unidentifiable its row has no number that could be taken for one."""
-    status, unit = row.status, unit_of(row.unit)
-    name, word = label(row.name), Cell(status, mark=status)
-    if row.held:
-        return row_of(name, word, Cell("not estimated", span=4), tone=status)
-    if row.std is None:
-        return row_of(name, word, Cell(NOT_DETERMINED, span=4), tone=status)
-    alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
-    before = numbers.spread(row.prior_std, unit)
-    worth = worth_column(geometry)[1](row) if row.group == "offset" or geometry.tolerance is not None else ""
-    return row_of(name, word, numbers.spread(row.std, unit), worth, alone, before, tone=status)
 
 
 def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
@@ -275,10 +236,8 @@ def _about_postures(check: Check, postures: Postures) -> str:
 
 def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
     with_beam = postures.beam
-    columns = [("posture", "right"), ("target", "left")]
-    columns += [(f"joint {j + 1}", "right") for j in range(plan.robot.n)]
-    columns += [("beam length", "right")] if with_beam else []
-    columns += [("off before aiming", "right")]
+    heads = ["posture", "target", *(f"joint {j + 1}" for j in range(plan.robot.n))]
+    heads += [*(["beam length"] if with_beam else []), "off before aiming"]
     near = f"below {numbers.exact(_NEAR_MM, 'mm')}"
     rows = []
     for i, posture in enumerate(check.postures):
@@ -293,7 +252,7 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
         tone = "" if postures.reaches[i] else "weak"
         rows.append(row_of(str(posture.posture), clipped(posture.target, 24), *joints, off, tone=tone))
     caption = "Postures, turned onto their targets" if postures.met else "Postures"
-    return table_of(caption, columns, rows)
+    return table_of(caption, heads, rows, "rlr")
 
 
 def _joints_to_copy(plan: Plan, postures: Postures) -> list[str]:

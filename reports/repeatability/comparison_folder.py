@@ -3,57 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
-from ...analysis.repeatability.compare import (
-    COMPARE_SCHEMA,
-    Comparison,
-)
-from ...model.records import dumps
+from ...analysis.repeatability.compare import COMPARE_SCHEMA, Comparison
 from ...words.sentences import to_json
-from ..output import whole_folder
-from ..output.whole_folder import Kind, write_folder, write_page
+from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from .comparison_page import comparison_page, runs_picture
 
-_JSON, _TABLE = "compare.json", "offsets.csv"
-_KIND = Kind(
-    "comparison", frozenset({"compare.html", "compare.pdf", _JSON, _TABLE, "figures"}), _JSON, COMPARE_SCHEMA
-)
+_TABLE = "offsets.csv"
+COMPARISON = Kind.of_answer("comparison", "compare.json", COMPARE_SCHEMA, _TABLE)
 
 
-@dataclass(frozen=True)
-class ComparisonPaths:
-    """The files of a comparison."""
-
-    folder: Path
-    html: Path
-    pdf: Path
-    compare: Path
-    table: Path
-    figures: tuple[Path, ...]
-
-
-def write_comparison(folder: Path | str, comparison: Comparison) -> ComparisonPaths:
-    """Write a comparison (`zerobeam/compare/1`) to `folder`, replacing one that zerobeam wrote there before.
-
-    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
-    """
-    folder = Path(folder)
-    names = write_folder(folder, _KIND, lambda new_folder: _write_files(new_folder, comparison))
-    return ComparisonPaths(
-        folder=folder,
-        html=folder / "compare.html",
-        pdf=folder / "compare.pdf",
-        compare=folder / _JSON,
-        table=folder / _TABLE,
-        figures=tuple(folder / "figures" / name for name in names),
-    )
-
-
-def check_target(folder: Path | str) -> None:
-    """Raise BadInput unless a comparison may be written to `folder`."""
-    whole_folder.check_target(folder, _KIND)
+def write_comparison(folder: Path | str, comparison: Comparison) -> Written:
+    """Write a comparison (`zerobeam/compare/1`) to `folder`. Raises as `write_answer`."""
+    tables = {_TABLE: offset_rows(comparison)}
+    page, picture = comparison_page(comparison), runs_picture(comparison)
+    return write_answer(folder, COMPARISON, FolderContents(to_json(comparison), page, [picture], tables))
 
 
 def offset_rows(comparison: Comparison) -> Iterator[dict[str, object]]:
@@ -80,16 +45,3 @@ def offset_rows(comparison: Comparison) -> Iterator[dict[str, object]]:
                 "slope": row.drift and row.drift.slope,
                 "slope_p_holm": row.drift and row.drift.p_holm,
             }
-
-
-def _write_files(folder: Path, comparison: Comparison) -> list[str]:
-    picture = runs_picture(comparison)
-    return write_page(
-        folder,
-        "compare",
-        comparison_page(comparison),
-        {} if picture is None else {picture.name: picture},
-        "study",
-        answer=(_JSON, dumps(to_json(comparison))),
-        tables={_TABLE: offset_rows(comparison)},
-    )

@@ -1,13 +1,10 @@
-"""The page of `compare`: mean and scatter of repeated runs, whether they agree; the same in a terminal."""
+"""The page of `compare`: mean and scatter of repeated runs, whether they agree."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from statistics import median
 from typing import TYPE_CHECKING
-
-from rich.console import Console
-from rich.text import Text
 
 from ...analysis.repeatability.compare import (
     FALSE_ALARM,
@@ -23,7 +20,6 @@ from ...words import numbers
 from ...words.comparison import headline, notes
 from ...words.numbers import significant, with_unit
 from ...words.wording import clipped, counted, label, listed, sentence, shown
-from ..style import blocks
 from ..style.blocks import (
     Block,
     Cell,
@@ -32,6 +28,7 @@ from ..style.blocks import (
     Page,
     Paragraph,
     Row,
+    Table,
     Verdict,
     row_of,
     section_of,
@@ -39,7 +36,6 @@ from ..style.blocks import (
 )
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
-from ..style.rich_console import VERDICT_STYLE, print_block
 from ..style.typeface import in_font
 
 if TYPE_CHECKING:
@@ -74,41 +70,21 @@ def comparison_page(comparison: Comparison) -> Page:
                 _prediction(comparison),
                 Paragraph(_whole(comparison)),
                 FigureBlock("runs"),
+                brief=True,
             ),
-            section_of("Drift", *_drift(comparison)),
-            section_of("Each run", _against(comparison), Paragraph(_on_the_outlier(comparison))),
+            section_of("Drift", *_drift(comparison), brief=True),
+            section_of("Each run", _against(comparison), Paragraph(_on_the_outlier(comparison)), brief=True),
             section_of("Offsets of each run", _runs(comparison), level=2),
             section_of("Settings and inputs", Facts(_about(comparison))),
         ],
     )
 
 
-def print_comparison(out: Console, comparison: Comparison) -> None:
-    """Verdict and notes, the means and scatter, then drift and each run against the others."""
-    page = comparison_page(comparison)
-    out.print(
-        Text(f"{page.verdict.word}. ", style=VERDICT_STYLE[page.verdict.key]) + Text(page.verdict.sentence)
-    )
-    for note in page.notes:
-        out.print(Text("! ", style="bold yellow") + Text(note))
-    for section in page.sections[:3]:
-        for block in section.all:
-            if isinstance(block, blocks.Table):
-                out.print()
-            print_block(out, block)
-
-
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _means(comparison: Comparison) -> blocks.Table:
-    columns = [
-        ("offset", "left"),
-        ("mean", "right"),
-        ("95 % interval", "right"),
-        ("std of a run", "right"),
-        ("its 95 % interval", "right"),
-    ]
+def _means(comparison: Comparison) -> Table:
+    columns = ["offset", "mean", "95 % interval", "std of a run", "its 95 % interval"]
     by = {row.mean.by for row in comparison.offsets if row.mean is not None}
     source = "the prediction" if by == {"prediction"} else "the scatter of the runs (Student’s t)"
     caption = f"Mean over the runs, its interval from {source}; standard deviation of a run by the scatter"
@@ -143,16 +119,9 @@ def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]
     return [value, interval, std]
 
 
-def _prediction(comparison: Comparison) -> blocks.Table | None:
+def _prediction(comparison: Comparison) -> Table | None:
     """Observed against predicted scatter, where anything is predicted."""
-    columns = [
-        ("offset", "left"),
-        ("observed", "right"),
-        ("predicted", "right"),
-        ("observed / predicted", "right"),
-        ("95 % interval", "right"),
-        ("p-value", "right"),
-    ]
+    columns = ["offset", "observed", "predicted", "observed / predicted", "95 % interval", "p-value"]
     rows = [
         row_of(
             label(row.name),
@@ -193,7 +162,7 @@ def _drift(comparison: Comparison) -> Iterator[Block]:
         f"Slope of each offset over {by}, its interval from the scatter about the line (Student’s t): it"
         " holds whatever was predicted, and is wide for few runs."
     )
-    columns = [("offset", "left"), ("slope", "right"), ("95 % interval", "right"), ("p-value", "right")]
+    columns = ["offset", "slope", "95 % interval", "p-value"]
     rows = [_drift_row(row, comparison) for row in comparison.offsets]
     yield table_of(f"Drift; {_HOLM} offsets (Holm)", columns, rows)
 
@@ -214,15 +183,10 @@ def _drift_row(row: ComparedOffset, comparison: Comparison) -> Row:
     )
 
 
-def _against(comparison: Comparison) -> blocks.Table:
-    columns = [
-        ("run", "left"),
-        ("at", "right"),
-        ("measurements", "right"),
-        ("p-value against the others", "left"),
-    ]
+def _against(comparison: Comparison) -> Table:
+    columns = ["run", "at", "measurements", "p-value against the others"]
     rows = [_against_row(number, run, comparison) for number, run in enumerate(comparison.runs, start=1)]
-    return table_of(f"Each run against all others; {_HOLM} runs (Holm)", columns, rows)
+    return table_of(f"Each run against all others; {_HOLM} runs (Holm)", columns, rows, "lrrl")
 
 
 def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
@@ -239,8 +203,8 @@ def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
     return row_of(clipped(run.name, _LONGEST_NAME), at, count, cell, tone="weak" if outlier else "")
 
 
-def _runs(comparison: Comparison) -> blocks.Table:
-    columns = [("run", "left"), *((label(row.name), "right") for row in comparison.offsets)]
+def _runs(comparison: Comparison) -> Table:
+    columns = ["run", *(label(row.name) for row in comparison.offsets)]
     rows = [
         row_of(clipped(run.name, _LONGEST_NAME), *(_estimate(offset) for offset in run.offsets))
         for run in comparison.runs

@@ -20,7 +20,7 @@ from ...words.misfit_words import diagnosis_said
 from ...words.numbers import times, unit_of
 from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
-from ..style.blocks import Cell, Facts, Head, Paragraph, Row, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Cell, Facts, Paragraph, Row, Section, Table, row_of, section_of, table_of
 from .parameter_section import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
@@ -150,7 +150,7 @@ def diagnosis_section(result: Result) -> Section | None:
     """The explanations, the best first; None where there is none."""
     if not result.diagnosis:
         return None
-    columns: list[Head] = ["cause", ("tried", "left"), "residuals", "estimates", "added"]
+    columns = ["cause", "tried", "residuals", "estimates", "added"]
     rows = [
         row_of(
             CAUSES[explanation.cause],
@@ -167,7 +167,7 @@ def diagnosis_section(result: Result) -> Section | None:
         " prior standard deviations, parameters estimated in addition"
     )
     text = diagnosis_said(result.diagnosis)
-    return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows))
+    return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows, "llr"))
 
 
 def robust_section(result: Result) -> Section | None:

@@ -20,7 +20,7 @@ from ...words.geometry_words import (
 )
 from ...words.numbers import unit_of
 from ...words.wording import label, listed, person
-from ..style.blocks import FigureBlock, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
 from ..style.palette import light
 from .parameter_section import NO_NUMBER, reasons
@@ -72,15 +72,7 @@ def _offsets(result: Result) -> Table | None:
     geometry, k = result.geometry, result.coverage_factor
     if not any(value is not None for value in geometry.at_half.values()):
         return None
-    columns: list[Head] = [
-        ("name", "left"),
-        ("U", "right"),
-        (SET_BY_TOLERANCES, "right"),
-        ("at half", "right"),
-        ("at twice", "right"),
-        ("nominal", "right"),
-        ("most correlated with", "left"),
-    ]
+    columns = ["name", "U", SET_BY_TOLERANCES, "at half", "at twice", "nominal", "most correlated with"]
     rows = []
     for row in result.parameters:
         if row.group != "offset" or row.std is None or row.tolerance_share is None:
@@ -103,7 +95,7 @@ def _offsets(result: Result) -> Table | None:
     caption = (
         "U of the offsets, at half and at twice the tolerances, and with nominal geometry if the arm deviates"
     )
-    return table_of(caption, columns, rows)
+    return table_of(caption, columns, rows, "lrrrrrl")
 
 
 def _links(rows: Sequence[ParameterResult], k: float) -> Table | None:
@@ -135,9 +127,9 @@ def prior_only(rows: Sequence[ParameterResult]) -> Table | None:
     if not by_tolerance:
         return None
     caption = "Prior only, without an estimate: these measurements say no more of them than the tolerances"
-    columns: list[Head] = ["what", "tolerance", ("parameters", "left")]
+    columns = ["what", "tolerance", "parameters"]
     shown = [row_of(kind, u, _by_body(same)) for (kind, u), same in by_tolerance.items()]
-    return table_of(caption, columns, shown)
+    return table_of(caption, columns, shown, "lrl")
 
 
 def _by_body(rows: Sequence[ParameterResult]) -> str:
@@ -170,7 +162,7 @@ def ladder_table(result: Result) -> Table | None:
     ladder = result.geometry.ladder
     if not ladder:
         return None
-    columns: list[Head] = ["model", "parameters", "held-out, rms", "log evidence", ("kept", "left")]
+    columns = ["model", "parameters", "held-out, rms", "log evidence", "kept"]
     rows = [
         row_of(
             RUNGS[rung.rung],
@@ -181,7 +173,7 @@ def ladder_table(result: Result) -> Table | None:
         )
         for i, rung in enumerate(ladder)
     ]
-    return table_of("Model ladder: residuals at held-out placements, and evidence", columns, rows)
+    return table_of("Model ladder: residuals at held-out placements, and evidence", columns, rows, "lrrrl")
 
 
 def geometry_lines(result: Result) -> list[str]:

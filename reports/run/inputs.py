@@ -22,7 +22,7 @@ from ...words.provenance import (
     traced,
 )
 from ...words.wording import clipped, listed, shown
-from ..style.blocks import Facts, Head, Paragraph, Section, row_of, section_of, table_of
+from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
 
 
 def head_facts(result: Result) -> list[tuple[str, str]]:
@@ -89,8 +89,8 @@ def traceability_section(result: Result) -> Section:
     about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
     if is_simulated(provenance):
         about += " These measurements were simulated: no instrument took part, and nothing here is traceable."
-    columns: list[Head] = ["field", ("entry", "left")]
-    return section_of("Traceability", Paragraph(about), table_of("For a person", columns, rows))
+    columns = ["field", "entry"]
+    return section_of("Traceability", Paragraph(about), table_of("For a person", columns, rows, "l"))
 
 
 def origin_of(header: Mapping[str, Any]) -> dict[str, str]:

@@ -30,7 +30,6 @@ from ..style.blocks import (
     Cell,
     Column,
     FigureBlock,
-    Head,
     Legend,
     LegendEntry,
     Paragraph,
@@ -57,11 +56,6 @@ if TYPE_CHECKING:
 OFFSETS = "Joint offsets of the arm: true position = recorded position + offset"
 NO_NUMBER = "—"
 UNVALIDATED_OFFSETS = f"Joint offsets, {UNVALIDATED}; not to be applied"
-
-
-def offsets_caption(statuses: Iterable[Status]) -> str:
-    """What stands above a table of offsets with these statuses."""
-    return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
 
 
 def noise_factors(parameters: Sequence[JudgedParameter]) -> bool:
@@ -93,12 +87,19 @@ def offsets_worth(result: Result) -> str | None:
 def offsets_table(result: Result) -> Table:
     """The offsets with their uncertainties; of a misfit without what those would be worth."""
     offsets = [row for row in result.parameters if row.group == "offset"]
-    k = result.coverage_factor
-    head = f"U ({numbers.coverage(k)})"
-    table = parameter_table(offsets_caption(row.status for row in offsets), offsets, k, head)
-    if offsets_worth(result) is None:
+    geometry = None if offsets_worth(result) is None else result.geometry
+    return offsets_table_of(offsets, result.coverage_factor, geometry)
+
+
+def offsets_table_of(
+    offsets: Sequence[ParameterResult], k: float, geometry: GeometryResult | None = None
+) -> Table:
+    """Offsets with U = `k` u; with the `geometry` also what these are worth."""
+    caption = UNVALIDATED_OFFSETS if any(row.status == "unvalidated" for row in offsets) else OFFSETS
+    table = parameter_table(caption, offsets, k, f"U ({numbers.coverage(k)})")
+    if geometry is None:
         return table
-    worth, of = worth_column(result.geometry, k)
+    worth, of = worth_column(geometry, k)
     rows = [
         Row((*shown.cells, Cell(of(row))), shown.tone) for row, shown in zip(offsets, table.rows, strict=True)
     ]
@@ -139,12 +140,12 @@ def parameter_table(caption: str, rows: Sequence[ParameterResult], k: float, hea
     """Parameters with their expanded uncertainties, U = `k` u; what is unvalidated has none. The interval of
     a noise factor, which is not symmetric, is given in place of U."""
     noise = any(row.group == "noise" for row in rows)
-    columns: list[Head] = ["name", "estimate", "95 % interval" if noise else head, ("status", "left")]
+    columns = ["name", "estimate", "95 % interval" if noise else head, "status"]
     shown = [_parameter_row(row, k) for row in rows]
     if any(row.status == "unvalidated" for row in rows):
         del columns[2]
         shown = [_without_u(row) for row in shown]
-    return table_of(caption, columns, shown)
+    return table_of(caption, columns, shown, "lrrl" if len(columns) == 4 else "lrl")
 
 
 def _without_u(row: Row) -> Row:
@@ -374,8 +375,9 @@ def truth_table(true: Mapping[str, float], rows: Iterable[Estimated], k: float) 
     ]
     if not known:
         return None
-    columns: list[Head] = [(head, "right") for head in ("true value", "estimate", "error", "error over U")]
-    return table_of("True values of the simulated arm", [("name", "left"), *columns], known)
+    return table_of(
+        "True values of the simulated arm", ["name", "true value", "estimate", "error", "error over U"], known
+    )
 
 
 def _row(name: str, unit: str, true: float, estimate: float, expanded: float) -> Row:

@@ -14,7 +14,7 @@ from ...analysis.status import LACK_OF_FIT
 from ...words import numbers
 from ...words.misfit_words import step_sentence
 from ...words.wording import clipped, counted, label, listed, shown
-from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
@@ -123,7 +123,7 @@ def _jackknife_sentence(result: Result, jackknife: Jackknife | None) -> str:
 
 
 def _jackknife_table(result: Result, jackknife: Jackknife) -> Table | None:
-    columns: list[Head] = ["name", "U", "U by jackknife", ("not determined without", "left")]
+    columns = ["name", "U", "U by jackknife", "not determined without"]
     k, rows = result.coverage_factor, []
     for row in jackknife.offsets:
         std = result.parameters.named(row.name).std
@@ -135,7 +135,7 @@ def _jackknife_table(result: Result, jackknife: Jackknife) -> Table | None:
                 listed([clipped(name, _NAME) for name in row.needs]) if row.needs else "",
             )
         )
-    return table_of("Offsets by the delete-one-placement jackknife", columns, rows) if rows else None
+    return table_of("Offsets by the delete-one-placement jackknife", columns, rows, "lrrl") if rows else None
 
 
 def _scatter(u: float | None, k: float, unit: str) -> str:

@@ -11,7 +11,7 @@ from ...analysis.diagnostics.predicted_run import PredictedRun
 from ...words import numbers
 from ...words.predicted_run_words import predicted_run_alt, predicted_run_sentences
 from ...words.wording import clipped, counted
-from ..style.blocks import Facts, FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Facts, FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 
@@ -68,14 +68,7 @@ def _errors_table(run: PredictedRun) -> Table:
     """The largest errors first; what is unknown comes at the end, and has no number but its u."""
     ordered = sorted(run.measurements, key=lambda row: -1.0 if row.error_mm is None else -row.error_mm)
     ordered = sorted(ordered, key=lambda row: row.error_mm is None)[:_MOST_ROWS]
-    columns: list[Head] = [
-        "measurement",
-        ("target", "left"),
-        "nominal",
-        "calibrated",
-        "expected",
-        "u of prediction",
-    ]
+    columns = ["measurement", "target", "nominal", "calibrated", "expected", "u of prediction"]
     rows = []
     for row in ordered:
         missing = "unknown" if row.shot in run.unknown else "none"
@@ -94,7 +87,7 @@ def _errors_table(run: PredictedRun) -> Table:
         caption += (
             f" ({len(ordered)} of {counted(len(run.measurements), 'measurement')}; result.json has all)"
         )
-    return table_of(caption, columns, rows)
+    return table_of(caption, columns, rows, "llr")
 
 
 def predicted_run_picture(result: Result) -> Picture | None:

@@ -7,14 +7,12 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...model.records import dumps
 from ...words.message import judged, message
 from ...words.sentences import to_json
 from ...words.wording import clipped, counted
-from ..output import whole_folder
 from ..output.posterior_file import write_posterior
-from ..output.whole_folder import Kind, write_folder, write_page
-from ..scenes.turnable import STILL, still_picture
+from ..output.whole_folder import FolderContents, Kind, Written, write_answer
+from ..scenes.turnable import still_picture
 from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
 from .fit_section import (
@@ -93,25 +91,15 @@ def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
 
 
 RESULT = "result.json"
-REPORT_NAMES = frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"})
-REPORT = Kind(
-    noun="report",
-    names=REPORT_NAMES,
-    mark=RESULT,
-    schema=RESULT_SCHEMA,
-)
+_DRAWS = "posterior.nc"
+REPORT = Kind.of_answer("report", RESULT, RESULT_SCHEMA, _DRAWS, pages="report", shown_as="report")
 
 
 @dataclass(frozen=True)
-class ReportPaths:
+class ReportPaths(Written):
     """The files of a report; `posterior` is None if there were no draws."""
 
-    folder: Path
-    html: Path
-    pdf: Path
-    result: Path
     posterior: Path | None
-    figures: tuple[Path, ...]
 
 
 def write_report(folder: Path | str, result: Result, draws: Draws | None = None) -> ReportPaths:
@@ -145,31 +133,14 @@ def write_report(folder: Path | str, result: Result, draws: Draws | None = None)
     >>> paths.html.name, paths.posterior.name
     ('report.html', 'posterior.nc')
     """
-    folder = Path(folder)
-    names = write_folder(folder, REPORT, lambda new: _write_files(new, result, draws))
-    return ReportPaths(
-        folder=folder,
-        html=folder / "report.html",
-        pdf=folder / "report.pdf",
-        result=folder / RESULT,
-        posterior=None if draws is None else folder / "posterior.nc",
-        figures=tuple(folder / "figures" / name for name in names),
+    answer, turnable = to_json(result), run_turnable(result)
+    still = None if turnable is None else still_picture(turnable)
+    contents = FolderContents(
+        answer,
+        report_page(result),
+        [*pictures(result, draws).values(), still],
+        turnable=turnable,
+        others=lambda new: None if draws is None else write_posterior(new / _DRAWS, result, draws),
     )
-
-
-def check_target(folder: Path | str) -> None:
-    """Raise BadInput unless a report may be written to `folder`: absent, empty, or a report of ours."""
-    whole_folder.check_target(folder, REPORT)
-
-
-def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]:
-    """All files of the report into an empty folder; the names of the figures."""
-    text = dumps(to_json(result))
-    if draws is not None:
-        write_posterior(folder / "posterior.nc", result, draws)
-    turnable, drawn = run_turnable(result), pictures(result, draws)
-    if turnable is not None:
-        drawn[STILL] = still_picture(turnable)
-    return write_page(
-        folder, "report", report_page(result), drawn, "report", answer=(RESULT, text), turnable=turnable
-    )
+    written = write_answer(folder, REPORT, contents)
+    return ReportPaths(**vars(written), posterior=None if draws is None else written.folder / _DRAWS)

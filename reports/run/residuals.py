@@ -15,7 +15,7 @@ from ...analysis.diagnostics.influence import ShotResult
 from ...analysis.status import Status
 from ...words import numbers
 from ...words.wording import clipped, measured_at, places_counted, shown
-from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
+from ..style.blocks import Cell, FigureBlock, Paragraph, Section, row_of, section_of, table_of
 from ..style.canvas import DASHES, Picture, mark_unvalidated, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
@@ -32,9 +32,9 @@ def residuals_section(result: Result) -> Section:
     """The section of a report; of many measurements the table has the worst."""
     shots, robust = result.shots, result.robust
     rotations = any(shot.miss_deg for shot in shots)
-    columns: list[Head] = [
-        ("measurement", "right"),
-        (measured_at([shot.target for shot in shots], result.inputs.instruments), "left"),
+    columns = [
+        "measurement",
+        measured_at([shot.target for shot in shots], result.inputs.instruments),
         "residual",
         *(["rotation"] if rotations else []),
         "normalised",
@@ -50,7 +50,7 @@ def residuals_section(result: Result) -> Section:
         " measurements; Cook’s distance is how far the estimates move without the measurement."
     )
     if weights is not None:
-        columns += [("weight", "right"), ("outlier", "left")] if outliers else [("weight", "right")]
+        columns += ["weight", "outlier"] if outliers else ["weight"]
         text += " The weight is that of the robust fit."
     influential = [(shot.cooks, i) for i, shot in enumerate(shots) if shot.cooks is not None]
     heaviest = max(influential, key=lambda pair: pair[0])[1] if influential else None
@@ -82,12 +82,13 @@ def residuals_section(result: Result) -> Section:
         if outliers:
             cells.append(Cell("yes", mark="weak") if shot.shot in outliers else "no")
         rows.append(row_of(*cells))
+    aligned = "rl" + "r" * (len(columns) - 3) + ("l" if outliers else "r")
     return section_of(
         "Residuals",
         Paragraph(text),
         FigureBlock("misses"),
         FigureBlock("residual_map"),
-        table_of(caption, columns, rows),
+        table_of(caption, columns, rows, aligned),
     )
 
 

@@ -10,7 +10,7 @@ from ...analysis.diagnostics.budget import Budget, BudgetRow
 from ...model.instruments.kind import Instrument
 from ...words import numbers
 from ...words.wording import label, listed
-from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameter_section import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others
@@ -95,7 +95,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
     instruments, k = result.inputs.instruments, result.coverage_factor
-    heads = [(f"{label(budget.name)} ({numbers.symbol(budget.unit)})", "right") for budget in budgets]
+    heads = [f"{label(budget.name)} ({numbers.symbol(budget.unit)})" for budget in budgets]
     shown = []
     for i in sorted(kept):
         source = rows[0][i]
@@ -118,7 +118,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
         row_of(f"expanded U ({numbers.coverage(k)})", "", *(numbers.spread(k * b.std) for b in budgets)),
         row_of("result", "", *(_result(result, b) for b in budgets)),
     ]
-    columns: list[Head] = [("source", "left"), ("its u, type", "right"), *heads]
+    columns = ["source", "its u, type", *heads]
     of = "the offsets" if what == "offsets" else "the tool"
     return [
         table_of(f"Contributions to the uncertainty of {of}", columns, shown),
@@ -132,7 +132,7 @@ def _sensitivities(
     instruments: Mapping[str, type[Instrument]],
     rows: Sequence[Sequence[BudgetRow]],
     kept: list[int],
-    heads: list[tuple[str, str]],
+    heads: list[str],
 ) -> Table | None:
     shown = [
         row_of(
@@ -143,9 +143,9 @@ def _sensitivities(
         for i in kept
         if rows[0][i].sensitivity is not None
     ]
-    columns: list[Head] = [("source", "left"), ("sensitivity", "left"), *heads]
+    columns = ["source", "sensitivity", *heads]
     caption = f"Sensitivities of {of}: contribution per unit of the source’s u, all its readings together"
-    return table_of(caption, columns, shown) if shown else None
+    return table_of(caption, columns, shown, "llr") if shown else None
 
 
 def _std(source: BudgetRow) -> str:
@@ -213,13 +213,13 @@ def _check(result: Result) -> list[Block | None]:
                 tone=mark,
             )
         )
-    columns: list[Head] = [
+    columns = [
         "name",
         "lower ends apart",
         "upper ends apart",
         "tolerance δ",
         "Monte Carlo error of the ends",
-        ("validated", "left"),
+        "validated",
     ]
     about = (
         "The linear 95 % interval, with k of ν, against that of the posterior’s draws (JCGM 101:2008, clause"
@@ -233,4 +233,4 @@ def _check(result: Result) -> list[Block | None]:
             " Where it is inconclusive, the ends are so close to δ that"
             f" {result.posterior.draws} draws do not decide."
         )
-    return [Paragraph(about), table_of("Linear intervals against the posterior", columns, rows)]
+    return [Paragraph(about), table_of("Linear intervals against the posterior", columns, rows, "lrrrrl")]

@@ -14,7 +14,6 @@ from ...words.wording import clipped, counted, listed, sentence
 from ..style.blocks import (
     Facts,
     FigureBlock,
-    Head,
     Legend,
     Page,
     Paragraph,
@@ -104,7 +103,7 @@ def solved(plan: CellPlan) -> int:
 
 def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns: list[Head] = ["plan", ("intervals", "left"), "farthest", "mean", "longest", ("limit", "left")]
+    columns = ["plan", "intervals", "farthest", "mean", "longest", "limit"]
     rows = []
     for plan in plans:
         verdict, total = standing_cell(plan), plan.seconds["total"]
@@ -117,7 +116,7 @@ def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
         "Share of intervals that hold the truth, in %: the parameter farthest from"
         f" {percent(settings.level)}; mean and longest time of a run, and its limit"
     )
-    return table_of(caption, columns, rows)
+    return table_of(caption, columns, rows, "llrrrl")
 
 
 def _parameters(plans: Sequence[CellPlan], level: float) -> Table:

@@ -19,7 +19,6 @@ from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
-    Head,
     Legend,
     Page,
     Paragraph,
@@ -35,6 +34,7 @@ from .study_blocks import (
     BY_CHANCE,
     ERROR_COLUMNS,
     LONGEST_NAME,
+    NOT_DETERMINED,
     PlainRow,
     error_cells,
     how_it_was_done,
@@ -46,6 +46,7 @@ from .study_blocks import (
     share_cell,
     share_columns,
     standing_cell,
+    undetermined,
     unmet_in_words,
     verdicts,
     view_of,
@@ -63,6 +64,7 @@ def coverage_page(answer: CoverageStudy) -> Page:
             _overview(plans, settings.levels),
             Legend(meanings(estimators, [part for plan in plans for part in plan.sbc]), []),
             Paragraph(BY_CHANCE),
+            brief=True,
         ),
         how_it_was_done(
             answer,
@@ -80,7 +82,7 @@ def coverage_page(answer: CoverageStudy) -> Page:
     ]
     if text := comparison(plans):
         title = "The midpoint fit against the likelihood fit"
-        sections.append(section_of(title, Paragraph(text), FigureBlock("accuracy")))
+        sections.append(section_of(title, Paragraph(text), FigureBlock("accuracy"), brief=True))
     for number, plan in enumerate(plans, start=1):
         sections += _numbers(plan, settings, number)
     subtitle = f"{settings.data_sets} simulated data sets for each of {counted(len(plans), 'plan')}"
@@ -95,7 +97,7 @@ OVERVIEW = "Share of intervals that hold the truth, in %: the parameter farthest
 
 def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns: list[Head] = ["estimator", ("intervals", "left"), *map(percent, levels)]
+    columns = ["estimator", "intervals", *map(percent, levels)]
     rows = []
     for plan in plans:
         rows.append(row_of(plan_title(plan.name), Cell(sentence(plan.words), span=len(columns) - 1)))
@@ -103,7 +105,7 @@ def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
             cells = [worst_cell(estimator, level) for level in levels]
             name, verdict = clipped(estimator.name, LONGEST_NAME), standing_cell(estimator)
             rows.append(row_of(name, verdict, *cells, tone=verdict.mark))
-    return table_of(OVERVIEW, columns, rows)
+    return table_of(OVERVIEW, columns, rows, "llr")
 
 
 # ── one plan ──────────────────────────────────────────────────────────────────────────────────
@@ -118,14 +120,17 @@ def _plan(plan: CoveragePlan, number: int) -> list[Section]:
         ("Data sets", str(plan.data_sets)),
         ("Targets not hit", unmet_in_words(plan.failed)),
     ]
+    if without := undetermined(plan.estimators):
+        facts.append((NOT_DETERMINED, listed(without)))
     # Facts, sentences and figure fit one page; what else there is of the plan comes at the end.
     return [
-        section_of(plan_title(plan.name), Facts(facts), new_page=True),
+        section_of(plan_title(plan.name), Facts(facts), new_page=True, brief=True),
         section_of(
             "Coverage",
             Legend([], [*verdicts(plan.estimators), *verdicts(plan.sbc)]),
             FigureBlock(f"coverage_{number}"),
             level=2,
+            brief=True,
         ),
     ]
 

@@ -66,7 +66,6 @@ def drift_page(answer: DriftStudy) -> Page:
 
 def _intervals(answer: DriftStudy) -> Table:
     heads = ("combination of offsets", "share that holds, %", "95 % interval", "as it must be")
-    columns = [(head, "right" if "%" in head else "left") for head in heads]
     rows = []
     for name, held, control in (
         ("random combination", answer.intervals, False),
@@ -75,17 +74,19 @@ def _intervals(answer: DriftStudy) -> Table:
     ):
         _, words = STANDING[control, held.agrees]
         rows.append(row_of(name, share(held), share_interval(held.low, held.high, held.of), words))
-    return table_of(f"Intervals of {percent(answer.settings.level)} that hold the true value", columns, rows)
+    return table_of(
+        f"Intervals of {percent(answer.settings.level)} that hold the true value", heads, rows, "lrrl"
+    )
 
 
 def _power(answer: DriftStudy) -> Table:
-    columns = [(head, "right") for head in ("size of the jump", "found", "share, %", "95 % interval")]
+    heads = ("size of the jump", "found", "share, %", "95 % interval")
     rows = []
     for row in answer.power:
         interval = share_interval(row.low, row.high, row.of)
         rows.append(row_of(f"{row.size_u:g} u", f"{row.found} of {row.of}", _share(row), interval))
     caption = "Jumps found at their offset and interval; u is the standard uncertainty of the plan"
-    return table_of(caption, columns, rows)
+    return table_of(caption, heads, rows, "r")
 
 
 def _share(row: Power) -> str:

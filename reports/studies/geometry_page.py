@@ -20,7 +20,6 @@ from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
-    Head,
     Legend,
     Page,
     Paragraph,
@@ -122,7 +121,7 @@ def geometry_page(answer: GeometryStudy) -> Page:
 
 def _overview(plans: Sequence[GeometryPlan], settings: GeometrySettings) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns: list[Head] = ["geometry", ("intervals", "left"), "farthest", "z", "misfit"]
+    columns = ["geometry", "intervals", "farthest", "z", "misfit"]
     rows = []
     for plan in plans:
         about = Cell(counted(plan.shots, "measurement"), span=len(columns) - 1)
@@ -135,7 +134,7 @@ def _overview(plans: Sequence[GeometryPlan], settings: GeometrySettings) -> Tabl
         "Share of intervals that hold the truth, in %: the parameter farthest from"
         f" {percent(settings.level)}; errors in standard uncertainties; answers that say misfit"
     )
-    return table_of(caption, columns, rows)
+    return table_of(caption, columns, rows, "llr")
 
 
 def z_range(estimator: GeometryEstimator) -> str:
@@ -147,12 +146,12 @@ def z_range(estimator: GeometryEstimator) -> str:
 
 
 def _predicted(plans: Sequence[GeometryPlan]) -> Table:
-    columns: list[Head] = ["plan", ("tolerances", "left"), "noise only", "considered", "freed"]
+    columns = ["plan", "tolerances", "noise only", "considered", "freed"]
     rows = []
     for plan in plans:
         ranges = [u_range(plan.checked, kind) for kind, _, _ in _KINDS]
         rows.append(row_of(clipped(plan.name, LONGEST_NAME), tolerances(plan.tolerance), *ranges))
-    return table_of("Predicted u of the offsets, smallest to largest", columns, rows)
+    return table_of("Predicted u of the offsets, smallest to largest", columns, rows, "llr")
 
 
 def tolerances(level: ToleranceLevel) -> str:

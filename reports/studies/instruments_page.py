@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ...experiments.studies.instrument_choice import InstrumentsStudy, SetupCase, SetupPlan
 from ...words import numbers
 from ...words.wording import label
-from ..style.blocks import FigureBlock, Head, Page, Paragraph, Table, row_of, section_of, table_of
+from ..style.blocks import FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
@@ -55,13 +55,12 @@ def instruments_page(answer: InstrumentsStudy) -> Page:
 
 
 def _table(answer: InstrumentsStudy) -> Table:
-    heads: list[Head] = [(head, "left" if head in ("setup", _COLUMNS[-1]) else "right") for head in _COLUMNS]
     rows = []
     for case in answer.setups:
         for k, plan in enumerate(case.plans):
             tone = "weak" if plan.undetermined else ""
             rows.append(row_of(*_cells(case, plan, first=k == 0), tone=tone))
-    return table_of("The best plan of each number of measurements", heads, rows)
+    return table_of("The best plan of each number of measurements", _COLUMNS, rows, "lrrrrrrl")
 
 
 def _cells(case: SetupCase, plan: SetupPlan, *, first: bool) -> tuple[str, ...]:

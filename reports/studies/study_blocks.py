@@ -271,7 +271,7 @@ def worst_at(part: Judged, level: float) -> tuple[ObservedParameter, Share] | No
 
 def worst_cell(part: Judged, level: float) -> str:
     worst = worst_at(part, level)
-    return NOT_DETERMINED if worst is None else f"{label(worst[0].name, 12)}: {share(worst[1])}"
+    return NOT_DETERMINED if worst is None else f"{label(worst[0].name, 12).split(' ')[0]}: {share(worst[1])}"
 
 
 # ── errors, rounded by their own uncertainty ──────────────────────────────────────────────────

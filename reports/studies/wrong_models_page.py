@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ...experiments.studies.wrong_models import WrongModel, WrongModelsStudy
 from ...words import numbers
-from ..style.blocks import Head, Page, Paragraph, Table, row_of, section_of, table_of
+from ..style.blocks import Page, Paragraph, Table, row_of, section_of, table_of
 from ..style.canvas import Picture
 from .study_blocks import NOT_GIVEN, PlainRow, columns_of, how_it_was_done, view_of
 
@@ -56,12 +56,11 @@ def wrong_models_page(answer: WrongModelsStudy) -> Page:
 
 
 def _table(answer: WrongModelsStudy) -> Table:
-    heads: list[Head] = [(head, "left" if head == _COLUMNS[0] else "right") for head in _COLUMNS]
     rows = []
     for one in answer.models:
         broken = not one.holds
         rows.append(row_of(*cells(one), tone="weak" if broken else ""))
-    return table_of("Random arms with one thing wrong", heads, rows)
+    return table_of("Random arms with one thing wrong", _COLUMNS, rows)
 
 
 def cells(one: WrongModel) -> tuple[str, ...]:

@@ -5,8 +5,8 @@ HTML templates read the attributes; for typst `pdf` writes them as JSON, a block
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from ...analysis.answer.answer_message import Message
@@ -160,7 +160,8 @@ class Section:
     """A section of level 1, or of level 2 below one of level 1.
 
     `lead` stays on one page with the heading, `blocks` follow it. A section of level 1 that is `folded` shows
-    its heading alone on a screen, until it is opened; on paper it is whole.
+    its heading alone on a screen, until it is opened; on paper it is whole. `brief`: it is shown in the
+    terminal, too.
     """
 
     title: str
@@ -169,6 +170,7 @@ class Section:
     level: int = 1
     new_page: bool = False
     folded: bool = False
+    brief: bool = False
 
     @property
     def all(self) -> tuple[Block, ...]:
@@ -199,6 +201,12 @@ class Page:
     message: Message | None = None
 
     @property
+    def brief(self) -> Page:
+        """What the terminal shows of it: the sections that are `brief`, or the first one where none is."""
+        marked = [section for section in self.sections if section.brief]
+        return replace(self, sections=marked or self.sections[:1])
+
+    @property
     def chapters(self) -> list[list[Section]]:
         """The sections of level 1, each with those of level 2 below it."""
         chapters: list[list[Section]] = []
@@ -209,29 +217,25 @@ class Page:
         return chapters
 
 
-Head = str | tuple[str, str]  # of a column, with `left` or `right` where it is not as usual
-
-
-def table_of(caption: str, columns: Sequence[Head], rows: Sequence[Row]) -> Table:
-    """A table; a column is stated by its head, with `left` or `right` where it is not as usual: names to the
-    left in the first column, numbers to the right in the others."""
-    usual = ["left", *["right"] * len(columns)]
-    pairs = [
-        (column, align) if isinstance(column, str) else column
-        for column, align in zip(columns, usual, strict=False)
-    ]
-    return Table(caption, tuple(Column(*pair) for pair in pairs), tuple(rows))
+def table_of(caption: str, heads: Sequence[str], rows: Iterable[Row], aligned: str = "lr") -> Table:
+    """A table; `aligned` has l (left) or r (right) for each column, its last letter for all that follow."""
+    letters = aligned.ljust(len(heads), aligned[-1])
+    sides = {"l": "left", "r": "right"}
+    columns = [Column(head, sides[letter]) for head, letter in zip(heads, letters, strict=False)]
+    return Table(caption, tuple(columns), tuple(rows))
 
 
 def row_of(*cells: str | Cell, tone: str = "") -> Row:
     return Row(tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in cells), tone)
 
 
-def section_of(title: str, *blocks: Block | None, level: int = 1, new_page: bool = False) -> Section:
+def section_of(
+    title: str, *blocks: Block | None, level: int = 1, new_page: bool = False, brief: bool = False
+) -> Section:
     """A section; None is left out. What leads up to its first figure stays with it, unless a table does."""
     present = tuple(block for block in blocks if block is not None)
     kinds = [block.kind for block in present]
     end = kinds.index("figure") + 1 if "figure" in kinds else 0
     if "table" in kinds[:end]:
         end = 0
-    return Section(title, present[:end], present[end:], level, new_page)
+    return Section(title, present[:end], present[end:], level, new_page, brief=brief)

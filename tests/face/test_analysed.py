@@ -97,12 +97,12 @@ def test_it_says_in_short_what_it_is(good: zb.Analysed, x_pattern: zb.Analysed) 
     assert repr(good).startswith("Solution of good.jsonl")
     for sol in (good, x_pattern):
         lines = repr(sol).splitlines()
-        assert len(lines) < 20
+        assert len(lines) < 25
         assert max(map(len, lines)) < 110
     (row,) = (line for line in repr(x_pattern).splitlines() if "J2 (δ2)  " in line)
-    assert " ".join(row.split()[2:]) == "not determined by these data unidentifiable —"
+    assert " ".join(row.split()[2:]) == "not determined by these data ✕ unidentifiable —"
     (row,) = (line for line in repr(good).splitlines() if "J2 (δ2)  " in line)
-    assert re.search(r"−1\.\d\d\d?°  +0\.\d+°  +identified", row)
+    assert re.search(r"−1\.\d\d\d?°  +0\.\d+°  +● identified", row)
 
 
 def test_its_card_is_whole_and_has_no_script(good: zb.Analysed, x_pattern: zb.Analysed) -> None:

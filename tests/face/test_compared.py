@@ -41,7 +41,7 @@ def test_it_shows_and_writes_itself(runs, tmp_path) -> None:
     assert "Agrees." in repr(found)
     assert "<script" not in found._repr_html_()
     paths = found.report(tmp_path / "out")
-    assert json.loads(paths.compare.read_text(encoding="utf-8")) == found.to_json()
+    assert json.loads(paths.result.read_text(encoding="utf-8")) == found.to_json()
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,9 @@ from example_studies import typed
 from rich.console import Console
 
 from zerobeam.experiments.studies.answer import StudyAnswer
+from zerobeam.reports.output.terminal import print_page
+from zerobeam.reports.studies.kinds import study_page
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
-from zerobeam.reports.studies.study_terminal import print_study
 from zerobeam.reports.style.blocks import Page, Row, Table
 
 Json = dict[str, Any]
@@ -84,8 +85,8 @@ def words(svg: str) -> str:
 def printed(answer: StudyAnswer | Json, colours: bool = False) -> str:
     text = io.StringIO()
     kind: Any = "truecolor" if colours else None
-    print_study(
+    print_page(
         Console(file=text, width=WIDTH, highlight=False, color_system=kind, force_terminal=colours),
-        typed(answer),
+        study_page(typed(answer)).brief,
     )
     return text.getvalue()

@@ -37,10 +37,11 @@ from zerobeam.model.likelihood.problem import Problem
 from zerobeam.model.records import dumps
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
+from zerobeam.reports.output.terminal import print_blocks, print_page
+from zerobeam.reports.plan.check_page import check_page
 from zerobeam.reports.run import report as report_folder
+from zerobeam.reports.run.brief_page import brief_page, side_by_side
 from zerobeam.reports.run.report import report_page
-from zerobeam.reports.terminal.answers import print_result, print_side_by_side
-from zerobeam.reports.terminal.check_terminal import print_check
 from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
@@ -135,11 +136,12 @@ def console() -> tuple[Console, io.StringIO]:
 def claims_of_a_result(result: Result, untold: Untold, page: str, document: bytes) -> dict[str, list[str]]:
     """Every output of `analyse`, `report` and `demo`, by its name."""
     printed, caught = console()
-    print_result(printed, result)
+    print_page(printed, brief_page(result))
     beside, caught_beside = console()
     header = {key: value for key, value in result.inputs.header.items() if key != "provenance"}
     # The truth of a simulation may be known.
-    print_side_by_side(beside, ["run"], [replace(result, inputs=replace(result.inputs, header=header))])
+    stated = replace(result, inputs=replace(result.inputs, header=header))
+    print_blocks(beside, [side_by_side(["run"], [stated])])
     return {
         "json": list(claims_in_json(to_json(result), untold)),
         "terminal": list(claims_in_rows(rows_of_terminal(caught.getvalue()), untold)),
@@ -151,7 +153,7 @@ def claims_of_a_result(result: Result, untold: Untold, page: str, document: byte
 
 def claims_of_a_check(found: Check, untold: Untold) -> dict[str, list[str]]:
     printed, caught = console()
-    print_check(printed, found)
+    print_page(printed, check_page(found))
     rows = rows_of_terminal(caught.getvalue())
     assert {label(name) for name in untold} <= {row[0] for row in rows if row}
     return {

@@ -23,7 +23,7 @@ from rich.text import Text
 
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.robot_file import BUILT_IN
-from zerobeam.reports.style.rich_console import Terminal
+from zerobeam.reports.output.terminal import Terminal
 
 SCRIPT = "</script><script>alert(1)</script>"
 LONG = 'quote" onload="' + "long" * 1250

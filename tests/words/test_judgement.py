@@ -26,9 +26,9 @@ from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps
 from zerobeam.reports.batch.carried_out import BatchRun, _row
+from zerobeam.reports.output.terminal import VERDICT_STYLE, print_blocks, print_page
+from zerobeam.reports.run.brief_page import brief_page, side_by_side
 from zerobeam.reports.run.report import report_page
-from zerobeam.reports.style.rich_console import VERDICT_STYLE
-from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.words.judgement import judgement, read_judgement
 from zerobeam.words.message import judged, message
 from zerobeam.words.next_steps import next_steps
@@ -59,7 +59,7 @@ def terminal(result: Result) -> str:
     """The grade of the colour in which a terminal begins."""
     text = StringIO()
     console = Console(file=text, force_terminal=True, color_system="standard", width=200)
-    print_result(console, result)
+    print_page(console, brief_page(result))
     begins = {
         grade: console.get_style(VERDICT_STYLE[grade]).render("Pass")[:-8] for grade in ("pass", "weak")
     }
@@ -78,7 +78,7 @@ def page_of(folder: Path, serial: str | None, *db: object) -> str:
 def compared(result: Result) -> str:
     """The verdict in a table of several results."""
     text = StringIO()
-    print_side_by_side(Console(file=text, width=200), ["one"], [result])
+    print_blocks(Console(file=text, width=200), [side_by_side(["one"], [result])])
     return text.getvalue()
 
 

@@ -31,8 +31,9 @@ from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import Run, header_of_run, read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.output.html import html
+from zerobeam.reports.output.terminal import print_page
+from zerobeam.reports.run.brief_page import brief_page
 from zerobeam.reports.run.report import report_page
-from zerobeam.reports.terminal.answers import print_result
 from zerobeam.words import numbers
 from zerobeam.words.message import _Case, _case, _message, _plan, judged, message, message_so_far
 from zerobeam.words.next_steps import next_steps
@@ -249,7 +250,7 @@ def flat(text: str) -> str:
 
 def printed(found: zb.Analysed) -> str:
     console = Console(width=400, file=StringIO())
-    print_result(console, found.result)
+    print_page(console, brief_page(found.result))
     return cast(StringIO, console.file).getvalue()
 
 

@@ -13,7 +13,7 @@ from ....model.errors import BadInput
 from ....model.parsing.reading import parse_json, read_text
 from ....model.records import to_json
 from ....reports.run.inputs import origin_of
-from ....reports.run.report import REPORT_NAMES
+from ....reports.run.report import REPORT
 from ..folder import Folder
 from ..kept import Kept
 from ..requests import Content, end_point
@@ -98,13 +98,13 @@ def result(folder: Folder, file: str) -> Content:
 def report_files(result_file: Path) -> list[Path]:
     """The files of the report that a result belongs to: by the names that a report has, and no others."""
     files = []
-    for name in sorted(REPORT_NAMES):
+    for name in sorted(REPORT.names):
         path = result_file.with_name(name)
         if path.is_symlink():
             continue
         inner = sorted(islice(path.iterdir(), _MOST_FIGURES)) if path.is_dir() else [path]
         files += [file for file in inner if file.is_file() and not file.is_symlink()]
-    return files if result_file.name in REPORT_NAMES else [result_file]
+    return files if result_file.name in REPORT.names else [result_file]
 
 
 def _called(folder: Folder, path: Path, beside: list[Path]) -> str | None:

@@ -23,7 +23,6 @@ from ...style.blocks import (
     Cell,
     Facts,
     FigureBlock,
-    Head,
     Legend,
     LegendEntry,
     Page,
@@ -100,15 +99,12 @@ def _summary(study: GridStudy) -> Table:
     # Columns that are there only where they say something.
     counts = len(shots) > 1 and not is_varied(study, "plan.shots")
     simulated, failed = study.has("likelihood"), any(case.failed for case in study.cases)
-    columns: list[Head] = [
-        *(
-            (clipped(axis.label), "right" if i and axis.numeric else "left")
-            for i, axis in enumerate(study.axes)
-        ),
-        ("verdict", "left"),
+    columns = [
+        *(clipped(axis.label) for axis in study.axes),
+        "verdict",
         *(["measurements"] if counts else []),
         "least certain offset, u",
-        *([("runs agree", "left")] if simulated else []),
+        *(["runs agree"] if simulated else []),
         *(["failed fits"] if failed else []),
     ]
     rows = []
@@ -127,7 +123,9 @@ def _summary(study: GridStudy) -> Table:
     caption += "; whether simulated runs agree with the prediction" if simulated else ""
     if len(shown) < len(study.cases):
         caption += f" (the {len(shown)} best of {len(study.cases)} cases shown, all in cases.csv)"
-    return table_of(caption, columns, rows)
+    sides = "".join("r" if i and axis.numeric else "l" for i, axis in enumerate(study.axes))
+    aligned = f"{sides}l{'r' if counts else ''}r{'l' if simulated else ''}r"
+    return table_of(caption, columns, rows, aligned)
 
 
 def _best(cases: Sequence[GridCase]) -> list[GridCase]:
@@ -143,7 +141,7 @@ def _over_cases(study: GridStudy) -> Table | None:
     """Each offset over the cases, where they are more than a table of them can show."""
     if len(study.cases) <= MOST_ROWS:
         return None
-    columns: list[Head] = ["offset", "smallest u", "median", "largest", ("not determined", "left")]
+    columns = ["offset", "smallest u", "median", "largest", "not determined"]
     rows = []
     for one in study.over_cases():
         unit = clipped(one.unit, LONGEST_NAME)
@@ -154,7 +152,7 @@ def _over_cases(study: GridStudy) -> Table | None:
         "Predicted standard uncertainty u of each offset over the cases that have a plan; not determined"
         " counts as larger than any u"
     )
-    return table_of(caption, columns, rows) if rows else None
+    return table_of(caption, columns, rows, "lrrrl") if rows else None
 
 
 def _beside(study: GridStudy) -> Table | None:
@@ -167,14 +165,14 @@ def _beside(study: GridStudy) -> Table | None:
         for one in case.parameters
         if one.group == "offset" and one.status != "held"
     )
-    columns: list[Head] = ["case", ("verdict", "left"), *(label(name, 12) for name in names)]
+    columns = ["case", "verdict", *(label(name, 12) for name in names)]
     rows = []
     for case in study.beside:
         mark, words = standing(case)
         stds = {one.name: _of_beside(one) for one in case.parameters}
         cells = [stds.get(name, "") for name in names]
         rows.append(row_of(clipped(case.words, _LONGEST_TEXT), Cell(words, mark=mark), *cells))
-    return table_of("Beside the grid: predicted standard uncertainty u of each offset", columns, rows)
+    return table_of("Beside the grid: predicted standard uncertainty u of each offset", columns, rows, "llr")
 
 
 def _of_beside(one: CaseParameter) -> str:
@@ -202,12 +200,12 @@ def _agreement(case: GridCase) -> Cell:
 def _parameters(study: GridStudy) -> Table | None:
     """Predictions and observed errors by case; None where no case has a plan."""
     likelihood, midpoint = study.has("likelihood"), study.has("midpoint")
-    columns: list[Head] = ["parameter", ("status", "left"), "predicted u"]
+    columns = ["parameter", "status", "predicted u"]
     if likelihood:
         within = f"within {percent(study.settings.level)}"
-        columns += [("RMSE", "right"), ("bias", "right"), (within, "left")]
+        columns += ["RMSE", "bias", within]
     if midpoint:
-        columns.append(("midpoint RMSE", "right"))
+        columns.append("midpoint RMSE")
     span = len(columns) - 1
     cases = [(i, case) for i, case in enumerate(study.cases, start=1) if case.reason is None]
     if len(study.cases) > MOST_ROWS:
@@ -227,7 +225,8 @@ def _parameters(study: GridStudy) -> Table | None:
         count += 1
     caption = "Predicted standard uncertainty u of each parameter"
     caption += ", and errors of simulated runs" if likelihood else ""
-    return table_of(_cut(caption, count, len(cases), "offsets.csv"), columns, rows) if rows else None
+    aligned = "llrrrlr" if likelihood else "llr"
+    return table_of(_cut(caption, count, len(cases), "offsets.csv"), columns, rows, aligned) if rows else None
 
 
 def _unknown(one: CaseParameter) -> str:

@@ -18,7 +18,8 @@ from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.make import MadePlan
 from zerobeam.experiments.plans.optimal import Planner, Proposal
 from zerobeam.model.files.header import Header
-from zerobeam.reports.terminal.answers import print_proposal
+from zerobeam.reports.output.terminal import print_page
+from zerobeam.reports.plan.check_page import proposal_page
 
 TARGET = (950.0, 150.0, 100.0)
 GEOMETRY = {"tolerance": {"length_mm": 0.3, "angle_deg": 0.1}, "gravity": False, "harmonics": False}
@@ -88,7 +89,7 @@ def printed(shots: int) -> str:
     proposal = proposed(shots, True)
     made = MadePlan("optimal", None, Path("plan.yaml"), checked(proposal), proposal, None, "1000 are left")
     out = io.StringIO()
-    print_proposal(Console(file=out, width=WIDTH), made)
+    print_page(Console(file=out, width=WIDTH), proposal_page(made))
     return " ".join(out.getvalue().split())
 
 

@@ -25,8 +25,9 @@ from zerobeam.analysis.repeatability.compare import Comparison, compare
 from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.output.html import html
+from zerobeam.reports.output.terminal import print_page
 from zerobeam.reports.repeatability.comparison_folder import write_comparison
-from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison, runs_picture
+from zerobeam.reports.repeatability.comparison_page import comparison_page, runs_picture
 from zerobeam.reports.style import blocks
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.words.sentences import to_json
@@ -97,7 +98,9 @@ def picture_of(told: Comparison) -> Picture:
 
 def printed(told: Comparison) -> str:
     text = io.StringIO()
-    print_comparison(Console(file=text, width=WIDTH, highlight=False, color_system=None), told)
+    print_page(
+        Console(file=text, width=WIDTH, highlight=False, color_system=None), comparison_page(told).brief
+    )
     return text.getvalue()
 
 
@@ -150,8 +153,8 @@ def test_the_folder(tmp_path: Path) -> None:
     told, folder = answer(odd=0.2), tmp_path / "out"
     for name in (str(folder), folder):
         paths = write_comparison(name, told)
-    assert json.loads(paths.compare.read_text(encoding="utf-8")) == to_json(told)
-    rows = list(csv.DictReader(io.StringIO(paths.table.read_text(encoding="utf-8"))))
+    assert json.loads(paths.result.read_text(encoding="utf-8")) == to_json(told)
+    rows = list(csv.DictReader(io.StringIO(paths.tables[0].read_text(encoding="utf-8"))))
     assert len(rows) == 15
     assert float(rows[4]["estimate"]) == told.runs[4].offsets[0].estimate
     last = told.offsets[2].mean

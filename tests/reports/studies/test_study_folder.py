@@ -16,8 +16,9 @@ from made_once import made_once
 
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output.html import html
+from zerobeam.reports.output.whole_folder import check_target
 from zerobeam.reports.studies.kinds import STUDIES, study_of, study_page
-from zerobeam.reports.studies.study_folder import check_target, write_study
+from zerobeam.reports.studies.study_folder import study_kind, write_study
 
 Json = dict[str, Any]
 Refused = Callable[..., BadInput]
@@ -70,7 +71,7 @@ def test_all_files_are_there_over_those_of_before_and_stay_when_a_number_is_none
     endless["plans"][0]["estimators"][0]["parameters"][0]["bias"] = float("nan")
     with pytest.raises(ValueError, match="JSON"):
         write_study(out, typed(endless))
-    assert json.loads(paths.study.read_text(encoding="utf-8")) == agreeing()
+    assert json.loads(paths.result.read_text(encoding="utf-8")) == agreeing()
     assert {str(path.relative_to(out)) for path in out.rglob("*")} == WHOLE
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"out"}
     assert paths.pdf.read_bytes().startswith(b"%PDF")
@@ -88,7 +89,7 @@ def test_of_a_study_only_its_own_files_are_replaced(tmp_path: Path, refused: Ref
     table.write_text("mine")
     assert table.name in STUDIES["cell"].tables
     for answer in (cell_study(), agreeing()):
-        assert table.name in str(refused(check_target, tmp_path))
+        assert table.name in str(refused(check_target, tmp_path, study_kind(tmp_path)))
         assert table.name in str(refused(write_study, tmp_path, typed(answer)))
     assert table.read_text() == "mine"
     table.unlink()
@@ -101,10 +102,10 @@ def test_of_a_study_that_is_not_known_no_table_is_replaced(
     tmp_path: Path, refused: Refused, named: str
 ) -> None:
     (tmp_path / "study.json").write_text(f'{{"schema": "zerobeam/study/1", "study": {named}}}')
-    check_target(tmp_path)
-    check_target(tmp_path / "absent")
+    check_target(tmp_path, study_kind(tmp_path))
+    check_target(tmp_path / "absent", study_kind(tmp_path / "absent"))
     (tmp_path / "coverage.csv").write_text("mine")
-    assert "coverage.csv" in str(refused(check_target, tmp_path))
+    assert "coverage.csv" in str(refused(check_target, tmp_path, study_kind(tmp_path)))
 
 
 def test_an_answer_of_no_known_study_is_not_written(tmp_path: Path) -> None:

@@ -138,8 +138,8 @@ def test_the_standing_has_a_shape_and_a_word_besides_its_colour() -> None:
     assert "\x1b[" not in plain
     assert "\x1b[" in coloured
     assert plain.startswith("Does not agree. ")
-    for mark in ("● agrees", "◆ does not agree", "■ control: fails, as it must", "✕ not determined: J2 (δ2)"):
-        assert mark in plain
+    for mark in ("● agrees", "◆ does not agree", "■ control: fails,", "not determined: J2 (δ2)"):
+        assert mark in " ".join(plain.split())
     assert "◆" not in printed(agreeing())
 
 

@@ -131,7 +131,7 @@ def test_the_plain_tables_say_what_the_answer_says_and_the_folder_is_whole(tmp_p
     study = replace(pattern_shots_sweep(), study="../../x")
     answer = to_json(study)
     paths = write_study(tmp_path / "out", study)
-    assert json.loads(paths.study.read_text(encoding="utf-8")) == answer
+    assert json.loads(paths.result.read_text(encoding="utf-8")) == answer
     assert {path.name for path in tmp_path.iterdir()} == {"out"}
     assert {path.name for path in paths.tables} == {"cases.csv", "offsets.csv"}
     assert [path.name for path in paths.figures] == ["lines.svg"]

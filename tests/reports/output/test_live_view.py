@@ -14,8 +14,8 @@ from rich.console import Console
 from run_events import event_of
 
 from zerobeam.experiments.procedure.events import RunEvent
-from zerobeam.reports.terminal import live
-from zerobeam.reports.terminal.live import UnderWay, drawn, live_view
+from zerobeam.reports.output import live_view as live
+from zerobeam.reports.output.live_view import UnderWay, drawn, live_view
 
 Json = dict[str, Any]
 

@@ -1,13 +1,8 @@
-"""What `zerobeam robot` prints."""
+"""What `zerobeam robot` shows."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from ...experiments.arm_shown import ShownArm, ShownPose
 from ...model.files.robot_file import built_in_robots, stated_rows
@@ -16,6 +11,7 @@ from ...model.kinematics.robot import Joint
 from ...words import numbers
 from ...words.pendant_check import check_sentences
 from ...words.wording import counted, listed, shown
+from ..style.blocks import Page, Paragraph, Section, Table, Verdict, row_of, section_of, table_of
 
 _NOT_STATED = "–"
 _UNITS = {"deg": "degrees", "rad": "radians", "pulse": "pulses"}
@@ -25,50 +21,44 @@ _ENCODERS = {
 }
 
 
-def print_robots(console: Console) -> None:
+def robots_table() -> Table:
     """The built-in robots, one a line."""
-    table = Table(box=None, pad_edge=False)
-    for column in ("name", "vendor", "model", "joints"):
-        table.add_column(column, no_wrap=True)
-    for name in built_in_robots():
-        robot = stated_rows(name, Path())
-        table.add_row(name, robot.vendor or "", robot.model or "", str(len(robot.joints)))
-    console.print(table)
+    robots = [(name, stated_rows(name, Path())) for name in built_in_robots()]
+    rows = [row_of(name, arm.vendor or "", arm.model or "", str(len(arm.joints))) for name, arm in robots]
+    return table_of("", ["name", "vendor", "model", "joints"], rows, "l")
 
 
-def print_arm(console: Console, arm: ShownArm) -> None:
-    """Joints, reach, and the flange in each posture."""
+def robot_page(arm: ShownArm) -> Page:
+    """Joints, reach, the flange in each posture, and whether the pendant agrees."""
     robot = arm.robot
     known = ", ".join(shown(each) for each in (robot.vendor, arm.model) if each)
-    title = f"{shown(robot.name)}{f' ({known})' if known else ''}: {counted(robot.n, 'joint')}"
-    console.print(Text(title, style="bold"))
-    table = Table(box=None, pad_edge=False)
-    for column in ("joint", "name", "kind", "lower", "upper", "top speed"):
-        table.add_column(column, justify="left" if column in ("name", "kind") else "right")
-    lower, upper = (limits.tolist() for limits in arm.pendant.limits)
-    for i in arm.pendant.order:
-        joint = robot.joints[i]
-        cells = _value(lower[i], joint), _value(upper[i], joint), _speed(joint)
-        table.add_row(Text(shown(arm.pendant.names[i])), Text(shown(joint.name)), joint.kind, *cells)
-    console.print(table)
-    for line in _conventions(arm.pendant):
-        console.print(Text(line))
     reach = numbers.with_unit(numbers.fixed(arm.reach_mm, 0), "mm")
-    console.print(Text(f"Reach: the flange gets up to {reach} from the axis of joint 1."))
+    lines = [*_conventions(arm.pendant), f"Reach: the flange gets up to {reach} from the axis of joint 1."]
     if arm.payload_kg is not None:
-        payload = numbers.with_unit(numbers.exact(arm.payload_kg), "kg")
-        console.print(Text(f"Payload class: {payload}."))
-    for pose in arm.poses:
-        console.print()
-        _print_pose(console, pose, arm)
-    console.print()
+        lines.append(f"Payload class: {numbers.with_unit(numbers.exact(arm.payload_kg), 'kg')}.")
+    title = f"{shown(robot.name)}{f' ({known})' if known else ''}"
+    what = section_of(f"{title}: {counted(robot.n, 'joint')}", _joints(arm), *map(Paragraph, lines))
+    return Page(
+        title, "", Verdict("held", "", ""), [], [what, *(_pose(p, arm) for p in arm.poses), _compared(arm)]
+    )
+
+
+def _compared(arm: ShownArm) -> Section:
     if arm.check is None:
-        console.print(Text("Compare with the pendant: pose of the flange in the base frame, without a tool."))
-        return
+        text = "Pose of the flange in the base frame, without a tool."
+        return section_of("Compare with the pendant", Paragraph(text))
     first, *rest = check_sentences(arm.check)
-    console.print(Text(first, style="bold" if arm.check.agrees else "bold yellow"))
-    for line in rest:
-        console.print(Text(f"- {line}"))
+    return section_of(first, *(Paragraph(f"- {line}") for line in rest))
+
+
+def _joints(arm: ShownArm) -> Table:
+    lower, upper = (limits.tolist() for limits in arm.pendant.limits)
+    rows = []
+    for i in arm.pendant.order:
+        joint = arm.robot.joints[i]
+        cells = _value(lower[i], joint), _value(upper[i], joint), _speed(joint)
+        rows.append(row_of(shown(arm.pendant.names[i]), shown(joint.name), joint.kind, *cells))
+    return table_of("", ["joint", "name", "kind", "lower", "upper", "top speed"], rows, "rllr")
 
 
 def _conventions(pendant: Pendant) -> list[str]:
@@ -112,23 +102,16 @@ def _value(value: float, joint: Joint) -> str:
     return numbers.with_unit(numbers.exact(round(value, 6)), joint.unit)
 
 
-def _print_pose(console: Console, pose: ShownPose, arm: ShownArm) -> None:
+def _pose(pose: ShownPose, arm: ShownArm) -> Section:
     pendant = arm.pendant
     of_pendant = pendant.shown(pose.joints * arm.robot.display).tolist()
     values = [
         numbers.with_unit(numbers.exact(round(value, 6)), pendant.units[i])
         for value, i in zip(of_pendant, pendant.order, strict=True)
     ]
-    console.print(Text(f"Joints {', '.join(values)}", style="bold"))
-    if pose.outside:
-        beyond = listed([pendant.names[number - 1] for number in pose.outside])
-        console.print(Text(f"beyond the limits: {beyond}", style="yellow"))
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(no_wrap=True)
-    table.add_column(style="dim")
+    outside = [pendant.names[number - 1] for number in pose.outside]
     turned = pose.orientation
-    rows: list[tuple[str, Sequence[float], int, str, str]] = [
+    forms = [
         ("X, Y, Z", pose.xyz_mm, 2, "mm", "all"),
         ("q1, q2, q3, q4", turned.quaternion, 5, "", "ABB"),
         ("A, B, C", turned.abc, 3, "deg", "KUKA"),
@@ -137,7 +120,12 @@ def _print_pose(console: Console, pose: ShownPose, arm: ShownArm) -> None:
         ("Rx, Ry, Rz", turned.xyz, 3, "deg", "Stäubli"),
         ("A, B, C (ZYZ)", turned.zyz, 3, "deg", "Doosan; O, A, T of Kawasaki"),
     ]
-    for label, values_, digits, unit, who in rows:
-        numbers_ = ", ".join(numbers.with_unit(numbers.fixed(v, digits), unit) for v in values_)
-        table.add_row(label, numbers_, who)
-    console.print(table)
+    rows = [
+        row_of(name, ", ".join(numbers.with_unit(numbers.fixed(v, digits), unit) for v in parts), who)
+        for name, parts, digits, unit, who in forms
+    ]
+    return section_of(
+        f"Joints {', '.join(values)}",
+        Paragraph(f"beyond the limits: {listed(outside)}") if outside else None,
+        table_of("", ["", "", ""], rows, "l"),
+    )

@@ -33,8 +33,7 @@ from ...experiments.procedure.events import (
 )
 from ...words import numbers
 from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
-from ..style.rich_console import STYLE
-from .answers import contradicted
+from .terminal import STYLE
 
 _REDRAWN = 8  # times a second
 _STEPS = 4
@@ -167,7 +166,9 @@ def drawn(now: UnderWay) -> RenderableType:
     grid.add_row("worst std", Text(worst + tolerance))
     lines: list[RenderableType] = [grid]
     if not now.consistent:
-        lines.append(contradicted(now.p_value))
+        measure = "" if now.p_value is None else f" (p {numbers.p_value(now.p_value)})"
+        text = f"The measurements contradict the model{measure}: no estimate or uncertainty can be relied on."
+        lines.append(Text("! ", style="bold yellow") + Text(text))
     if now.trouble:
         lines.append(Text("! ", style="bold yellow") + Text(sentence(now.trouble)))
     return Group(*lines)

@@ -1,0 +1,253 @@
+"""Pages in the terminal: words, tables and commands at the width of the screen, without pictures."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from itertools import zip_longest
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+from rich.text import Text
+
+from ...analysis.answer.answer_message import Message
+from ...words.wording import ended, sentence, visible
+from ..style.blocks import Block, Cell, Commands, Directions, Facts, Legend, Page, Paragraph, Table
+
+STYLE = {
+    "identified": "blue",
+    "weak": "yellow",
+    "unidentifiable": "magenta",
+    "assumed": "dim",
+    "held": "dim",
+    "unvalidated": "dim",
+}
+MARK = {
+    "identified": "●",
+    "weak": "◆",
+    "assumed": "○",
+    "unidentifiable": "✕",
+    "held": "■",
+    "unvalidated": "?",
+}
+VERDICT_STYLE = {
+    "pass": "bold blue",
+    "weak": "bold yellow",
+    "degenerate": "bold magenta",
+    "misfit": "bold red",
+    "held": "bold",
+    "violated": "bold red",
+}
+_MOST_ROWS, _FIRST_ROWS = 40, 20  # of a longer table the first
+_HEAD = 10  # letters of a line of a head, at least
+_NARROWEST = 12  # letters of a column that has to give way
+_GAP = "  "
+_TEXT_WIDTH = 96  # letters of a line of a text without a terminal
+
+
+class Terminal(Console):
+    """A console to which no text gets that a terminal would obey or a person not see: it is escaped.
+
+    Its own colours and movements of the cursor are not text, and pass.
+    """
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else visible(text), style, control)
+
+
+def print_page(out: Console, page: Page) -> None:
+    """The message or the verdict, the notes, then the sections."""
+    if page.message is not None:
+        print_message(out, page.message)
+    elif page.verdict.word:
+        verdict, style = f"{page.verdict.word}.", VERDICT_STYLE[page.verdict.key]
+        print_text(out, f" {page.verdict.sentence}", verdict, style)
+    for note in page.notes:
+        _print_note(out, note)
+    above = page.message is not None or page.verdict.word
+    for section in page.sections:
+        if section.title:
+            if above:
+                out.print()
+            print_text(out, "", section.title, "bold")
+        print_blocks(out, section.all)
+        above = True
+
+
+def page_text(page: Page) -> str:
+    """The page as plain text: title, verdict, what to do, sections; notes are left to the page."""
+    if page.message is not None:
+        page = replace(page, message=replace(page.message, basis=(), cautions=()))
+    return _indented(f"{page.title}, {page.subtitle}", lambda out: print_page(out, replace(page, notes=[])))
+
+
+def table_text(table: Table) -> str:
+    """A table as plain text, its caption first."""
+    return _indented(table.caption, lambda out: _print_rows(out, table))
+
+
+def _indented(head: str, show: Callable[[Console], None]) -> str:
+    out = Console(file=io.StringIO(), width=_TEXT_WIDTH, color_system=None)
+    with out.capture() as captured:
+        show(out)
+    return "\n".join([head, *(f"{_GAP}{line}" for line in captured.get().splitlines())])
+
+
+def print_message(out: Console, message: Message) -> None:
+    """What is read first of an answer. One without a grade is grey."""
+    print_text(out, "", sentence(message.verdict), VERDICT_STYLE[message.grade or "held"])
+    for text in (message.cause, None if message.worst is None else message.worst.text):
+        if text is not None:
+            print_text(out, sentence(text))
+    print_text(out, sentence(message.action.text), "To do: ", "bold")
+    if message.action.command is not None:
+        _print_commands(out, (message.action.command,))
+    for text in message.basis:
+        print_text(out, "", sentence(text), "dim")
+    for text in message.cautions:
+        _print_note(out, text)
+
+
+def print_blocks(out: Console, blocks: Iterable[Block]) -> None:
+    """Blocks one below the other."""
+    for block in blocks:
+        match block:
+            case Paragraph(text):
+                print_text(out, text)
+            case Commands(lines):
+                _print_commands(out, lines)
+            case Facts(rows):
+                for name, text in rows:
+                    print_text(out, text, f"{name}: ", "dim")
+            case Legend(reasons=reasons):
+                # What the marks mean is said on the page.
+                for entry in reasons:
+                    print_text(out, entry.text, f"{MARK[entry.status]} {entry.word} ", STYLE[entry.status])
+            case Directions(items):
+                for item in items:
+                    exact = item.kind.startswith("exact")
+                    print_text(out, f"{item.combination}: {item.kind}", "✕ " if exact else "◆ ", "bold")
+                    print_text(out, item.reason, "  why:   ", indent=9)
+                    print_text(out, item.remedy, "  to do: ", indent=9)
+            case Table():
+                _print_table(out, block)
+
+
+def print_text(out: Console, text: str, lead: str = "", style: str = "", indent: int = 0) -> None:
+    """A text behind its `lead`, which has the `style`, in lines that break between words alone."""
+    lines = textwrap.wrap(lead + text, out.width, break_on_hyphens=False, subsequent_indent=" " * indent)
+    shown = Text("\n".join(lines))
+    shown.stylize(style, 0, len(shown) if not text else len(lead))
+    out.print(shown, soft_wrap=True)
+
+
+def _print_note(out: Console, text: str) -> None:
+    print_text(out, ended(text), "! ", "bold yellow")
+
+
+def _print_commands(out: Console, commands: Sequence[str]) -> None:
+    """Commands as they are to be typed."""
+    for line in commands:
+        width = max(out.width - 8, 20)
+        wrapped = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
+        for part in " \\\n     ".join(wrapped).splitlines():
+            out.print(Text(f"   {part}"), soft_wrap=True)
+
+
+def _print_table(out: Console, table: Table) -> None:
+    more = len(table.rows) - _FIRST_ROWS if len(table.rows) > _MOST_ROWS else 0
+    if table.caption:
+        print_text(out, "", table.caption, "italic")
+    _print_rows(out, replace(table, rows=table.rows[:_FIRST_ROWS]) if more else table)
+    if more:
+        print_text(out, f"… {more} more: see --json or the report")
+
+
+def _print_rows(out: Console, table: Table) -> None:
+    for line in table_lines(table, out.width):
+        out.print(line, soft_wrap=True)
+
+
+def table_lines(table: Table, width: int) -> list[Text]:
+    """A table in lines of so many letters, if its words allow: numbers to the right, a head over its numbers.
+    A cell over several columns may run on to the end of its line."""
+    sizes = _sizes(table, width)
+    heads = [textwrap.wrap(column.text, size) for column, size in zip(table.columns, sizes, strict=True)]
+    tallest = max(map(len, heads), default=0)
+    aligns = [column.align for column in table.columns]
+    head = [
+        ([""] * (tallest - len(lines)) + lines, size, align, "")
+        for lines, size, align in zip(heads, sizes, aligns, strict=True)
+    ]
+    lines = _lines(head)
+    for row in table.rows:
+        cells: list[_Cell] = []
+        at = 0
+        for cell in row.cells:
+            end = at + cell.span
+            room = sum(sizes[at:end]) + len(_GAP) * (cell.span - 1)
+            if cell.span > 1 and end == len(sizes):
+                room = max(room, width - sum(sizes[:at]) - len(_GAP) * at)
+            align = aligns[at] if cell.span == 1 else "left"
+            style = STYLE[cell.mark] if cell.mark else ""
+            cells.append((_wrapped(_shown(cell), room), room, align, style))
+            at = end
+        lines += _lines(cells)
+    return lines
+
+
+_Cell = tuple[Sequence[str], int, str, str]  # its lines, their width, `left` or `right`, its style
+
+
+def _lines(cells: Sequence[_Cell]) -> list[Text]:
+    """Cells side by side, as many lines as the tallest has."""
+    lines = []
+    for pieces in zip_longest(*(texts for texts, *_ in cells), fillvalue=""):
+        line = Text()
+        for piece, (_, size, align, style) in zip(pieces, cells, strict=True):
+            padded = piece.rjust(size) if align == "right" else piece.ljust(size)
+            line.append(padded + _GAP, style=style)
+        line.rstrip()
+        lines.append(line)
+    return lines
+
+
+def _sizes(table: Table, width: int) -> list[int]:
+    """Widths of the columns. Where the line is too long, texts give way before numbers."""
+    texts: list[list[str]] = [[] for _ in table.columns]
+    wide: list[tuple[int, int, int]] = []
+    for row in table.rows:
+        at = 0
+        for cell in row.cells:
+            if cell.span == 1:
+                texts[at].append(_shown(cell))
+            elif at + cell.span < len(texts):
+                wide.append((at, at + cell.span, len(_shown(cell))))
+            at += cell.span
+    sizes = [max(map(len, column), default=0) for column in texts]
+    for k, column in enumerate(table.columns):
+        head = textwrap.wrap(column.text, max(_HEAD, sizes[k])) if column.align == "right" else [column.text]
+        sizes[k] = max([sizes[k], *map(len, head)])
+        texts[k].append(column.text)
+    for start, end, letters in wide:
+        sizes[end - 1] += max(letters - sum(sizes[start:end]) - len(_GAP) * (end - start - 1), 0)
+    words = [[word for text in column for word in text.split(" ")] for column in texts]
+    least = [min(_NARROWEST, max(map(len, each), default=0)) for each in words]
+    for aligned in ({"left"}, {"left", "right"}):
+        while sum(sizes) + len(_GAP) * (len(sizes) - 1) > width:
+            broad = [k for k, one in enumerate(table.columns) if one.align in aligned and sizes[k] > least[k]]
+            if not broad:
+                break
+            sizes[max(broad, key=lambda k: sizes[k])] -= 1
+    return sizes
+
+
+def _shown(cell: Cell) -> str:
+    return f"{MARK[cell.mark]} {cell.text}" if cell.mark else cell.text
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    return textwrap.wrap(text, max(width, 1), break_on_hyphens=False)

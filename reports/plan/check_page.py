@@ -1,0 +1,112 @@
+"""What a plan will determine: the verdict, the predicted uncertainties, what remains open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from ...analysis.observability.check import Check, CheckedParameter
+from ...analysis.observability.geometry_result import GeometryResult
+from ...words import numbers
+from ...words.geometry_words import check_lines, worth_sentence
+from ...words.numbers import unit_of
+from ...words.observability import outlook_lines
+from ...words.plan_message import plan_action
+from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
+from ...words.wording import label, person, sentence
+from ..run.parameter_section import worth_column
+from ..run.unobservable import direction_words
+from ..style.blocks import (
+    Block,
+    Cell,
+    Commands,
+    Directions,
+    Page,
+    Paragraph,
+    Row,
+    Table,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+
+if TYPE_CHECKING:
+    from ...experiments.plans.make import MadePlan
+
+NOT_DETERMINED = "unidentifiable from these measurements"
+
+
+def check_page(check: Check) -> Page:
+    """The answer of `check`: verdict, notes, predicted uncertainties, directions, what would help."""
+    off = max(posture.off_mm for posture in check.postures)
+    aimed = (
+        f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target; the plan is"
+        " judged with the wrist turned onto it."
+    )
+    return _page(
+        check,
+        *_what_to_do(check),
+        predicted_table(check, (row for row in check.parameters if not row.tolerated)),
+        *map(Paragraph, check_lines(check)),
+        Directions([direction_words(each) for each in check.identifiability.null_space]),
+        *map(Paragraph, [*outlook_lines(check), *([aimed] if off > 0.05 else [])]),
+    )
+
+
+def proposal_page(made: MadePlan) -> Page:
+    """The answer of `plan`: verdict, predicted uncertainties, efficiency, travel, what removed candidates."""
+    check, sentences = made.checked, list(made.sentences)
+    if check is None:
+        return Page("", "", Verdict("weak", "", ""), [], [section_of("", *map(Paragraph, sentences))])
+    offsets = [row for row in check.parameters if row.group == "offset"]
+    worth = worth_sentence(check.geometry, offsets)
+    if made.proposal is not None:
+        sentences.append(f"{made.removed}.")
+    return _page(
+        check,
+        predicted_table(check, offsets),
+        *map(Paragraph, [*([] if worth is None else [worth]), *sentences]),
+    )
+
+
+def _page(check: Check, *blocks: Block) -> Page:
+    notes = [sentence(note) for note in check_notes(check)]
+    return Page("", "", verdict_on(check), notes, [section_of("", *blocks)])
+
+
+def verdict_on(check: Check) -> Verdict:
+    """The verdict on a plan, as a page has it."""
+    text = sentence(check_headline(check, person))
+    return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], text)
+
+
+def _what_to_do(check: Check) -> list[Block]:
+    """Where postures break constraints."""
+    if not check.violations:
+        return []
+    action = plan_action(check)
+    command = [] if action.command is None else [Commands([action.command])]
+    return [Paragraph(f"To do: {sentence(action.text)}"), *command]
+
+
+def predicted_table(check: Check, rows: Iterable[CheckedParameter]) -> Table:
+    """The standard uncertainties that a plan will give."""
+    columns = ["name", "status", "predicted u", worth_column(check.geometry)[0], "without prior", "prior"]
+    caption = "Standard uncertainties u that these measurements will give"
+    # The status second, so that a phone shows it without scrolling.
+    return table_of(caption, columns, [_predicted_row(row, check.geometry) for row in rows], "llr")
+
+
+def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:
+    """One unknown. Where it is unidentifiable its row has no number that could be taken for one."""
+    status, unit = row.status, unit_of(row.unit)
+    name, word = label(row.name), Cell(status, mark=status)
+    if row.held:
+        return row_of(name, word, Cell("not estimated", span=4), tone=status)
+    if row.std is None:
+        return row_of(name, word, Cell(NOT_DETERMINED, span=4), tone=status)
+    alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
+    before = numbers.spread(row.prior_std, unit)
+    worth = worth_column(geometry)[1](row) if row.group == "offset" or geometry.tolerance is not None else ""
+    return row_of(name, word, numbers.spread(row.std, unit), worth, alone, before, tone=status)

@@ -1,0 +1,183 @@
+"""What the terminal shows of an analysis, of a run that ended, and of several results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from ...analysis.answer.result import LikelihoodSummary, Result
+from ...analysis.solution import ParameterResult
+from ...words import numbers
+from ...words.geometry_words import worth_sentence
+from ...words.judgement import verdict_words
+from ...words.message import judged, message
+from ...words.wording import counted, ended, label, listed, sentence, shown
+from ..style.blocks import (
+    Block,
+    Cell,
+    Directions,
+    Page,
+    Paragraph,
+    Section,
+    Table,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+from .fit_section import diagnosis_section, hold_out_section, intervals_section, robust_section
+from .geometry_section import geometry_lines
+from .next_steps_section import next_steps_section
+from .parameter_section import (
+    errors_sentence,
+    offsets_table,
+    offsets_table_of,
+    offsets_worth,
+    other_tables,
+    rehearsal_section,
+    truth_table,
+)
+from .placement_section import placements_lines
+from .posterior_summary import posterior_sentence
+from .predicted_run_section import predicted_run_section
+from .unobservable import direction_words
+
+if TYPE_CHECKING:
+    from ...experiments.procedure.events import Ended
+
+
+def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Section | None] = ()) -> Page:
+    """A page on a result, whose message stands first."""
+    verdict = Verdict(judged(result).grade, "", "")
+    present = [section for section in sections if section is not None]
+    return Page(title, subtitle, verdict, [], present, message=message(result))
+
+
+def brief_page(result: Result) -> Page:
+    """The answer of `analyse`: parameters, what cannot be determined, fit, second opinions. What follows from
+    a wrong model is not shown."""
+    wrong = result.misfit is not None
+    worth = offsets_worth(result) if result.geometry.tolerance is not None else None
+    details = [] if wrong else other_tables(result.parameters, result.coverage_factor)
+    directions = Directions([direction_words(each) for each in result.identifiability.null_space])
+    posterior = ended(posterior_sentence(result))
+    if result.posterior.converged:
+        posterior = f"Posterior: {posterior}"
+    sections = [
+        diagnosis_section(result),
+        section_of("", offsets_table(result), *_paragraphs(worth, *geometry_lines(result)), *details),
+        rehearsal_section(result),
+        next_steps_section(result),
+        None if wrong or not directions.items else section_of("What cannot be determined", directions),
+        section_of(
+            "Fit",
+            *_paragraphs(_fit_sentence(result.likelihood), *placements_lines(result)),
+            *_paragraphs(None if wrong else posterior),
+        ),
+        robust_section(result),
+        hold_out_section(result),
+        predicted_run_section(result),
+        None if wrong else intervals_section(result),
+    ]
+    return page_of("", "", result, sections)
+
+
+def ended_page(answer: Ended) -> Page:
+    """The end of `run`: offsets, what was measured and how long it took, what to do next."""
+    return Page(
+        "",
+        "",
+        Verdict(answer.message.grade or "held", "", ""),
+        [sentence(note) for note in answer.notes],
+        [
+            section_of(
+                "", *([] if answer.verifies else _ended_offsets(answer)), *_paragraphs(*_measured(answer))
+            )
+        ],
+        message=answer.message,
+    )
+
+
+def _ended_offsets(answer: Ended) -> Iterator[Block | None]:
+    if not answer.parameters:
+        return
+    wrong, k = answer.verdict == "misfit", answer.coverage_factor
+    geometry = None if wrong else answer.geometry
+    worth = None if geometry is None else worth_sentence(geometry, answer.parameters, k)
+    yield offsets_table_of(answer.parameters, k, None if worth is None else geometry)
+    yield from _paragraphs(worth)
+    truth = None if wrong else truth_table(answer.true, answer.parameters, k)
+    if truth is not None:
+        yield truth
+        yield Paragraph(errors_sentence(answer.true, answer.parameters, k))
+
+
+def _measured(answer: Ended) -> Iterator[str]:
+    """What was measured, a sentence each. What was found at a refused measurement is in the notes."""
+    if answer.consistent and answer.p_value is not None and not answer.verifies:
+        yield f"p-value of the residuals under the stated noise: {numbers.p_value(answer.p_value)}."
+    refused = [f"{item.shot} ({shown(item.reason.value)})" for item in answer.refused]
+    missing = f"; not recorded: {listed([str(i) for i in answer.missing], 99)}" if answer.missing else ""
+    yield (
+        f"{counted(len(answer.shots), 'measurement')} recorded"
+        f"{f'; refused: {listed(refused)}' if refused else ', none refused'}{missing}."
+    )
+    if answer.saved is not None and not answer.missing:
+        yield f"Adaptive: {counted(answer.saved, 'measurement')} saved; {sentence(answer.why or '')}."
+    if any(answer.seconds.values()):
+        phases = [f"{name} {numbers.significant(value, 2)}" for name, value in answer.seconds.items()]
+        whole = numbers.significant(sum(answer.seconds.values()), 2, "s")
+        yield f"This session took {whole}: {', '.join(phases)}."
+    if not answer.verifies:
+        yield "Intervals from the posterior: zerobeam report RUN -o DIR"
+
+
+def side_by_side(titles: Sequence[str], results: Sequence[Result]) -> Table:
+    """Several results next to each other, with the true values where a simulation states them. What has a
+    tolerance in all of them is left out."""
+    rows = [{row.name: row for row in result.parameters if row.group != "target"} for result in results]
+    estimated = (name for by_name in rows for name, row in by_name.items() if not row.tolerated)
+    table = [
+        row_of(
+            label(name),
+            *(_compared(by_name.get(name), result) for by_name, result in zip(rows, results, strict=True)),
+        )
+        for name in dict.fromkeys(estimated)
+    ]
+    table.append(row_of("verdict", *(verdict_words(result.verdict, judged(result)) for result in results)))
+    columns = ["", *titles]
+    return table_of("Offsets and tool: estimate ± U (k = 2), and the true value", columns, table, "l")
+
+
+def _compared(row: ParameterResult | None, result: Result) -> str | Cell:
+    if row is None:
+        return ""
+    if row.tolerated and row.estimate is None:
+        return f"prior only, u {numbers.exact(row.prior_std, row.unit)}"
+    if row.estimate is None:
+        text = "not determined"
+    elif row.std is None:
+        text = f"held at {numbers.exact(row.estimate, row.unit)}"
+    else:
+        u = result.coverage_factor * row.std
+        text = f"{numbers.estimate(row.estimate, u)} ± {numbers.spread(u, row.unit)}"
+    true = result.inputs.provenance.get(f"true {row.name} ({row.unit})")
+    if isinstance(true, int | float):
+        text += f" (true{numbers.NO_BREAK}{numbers.exact(float(true), row.unit)})"
+    return Cell(text, mark=row.status)
+
+
+def _paragraphs(*texts: str | None) -> list[Paragraph]:
+    return [Paragraph(text) for text in texts if text]
+
+
+def _fit_sentence(fit: LikelihoodSummary) -> str:
+    text = (
+        f"Residuals {numbers.length_and_angle(fit.rms_mm, fit.rms_deg)} rms"
+        f" (before: {numbers.length_and_angle(fit.rms_before_mm, fit.rms_before_deg)})"
+    )
+    if fit.p_value is not None:
+        text += f", χ² {numbers.significant(fit.chi2, 3)}, {fit.dof} dof (p {numbers.p_value(fit.p_value)})"
+    if fit.noise_scale is not None:
+        text += f", noise {numbers.significant(fit.noise_scale, 3)} times the stated"
+    return text + "."

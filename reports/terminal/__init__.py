@@ -1,1 +1,0 @@
-"""What a person reads in the terminal: answers, and a run under way."""
