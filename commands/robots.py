@@ -92,8 +92,12 @@ def robot(
             "which robot?", allowed="a built-in name (--list), a robot file (.yaml), or a URDF (.urdf)"
         )
     if name == "new":
-        if file is None:
-            raise BadInput("a new robot has a file", remedy="name it: -o mine.yaml")
+        if file is None or new.vendor is None:
+            raise BadInput(
+                "a new robot has a file and a maker",
+                allowed="-o FILE.yaml and --vendor MAKER",
+                remedy="zerobeam robot new -o mine.yaml --vendor doosan, with the maker of your arm",
+            )
         content, head = content_of(file.stem, new, base, tip)
         write_robot(file, with_fanuc_backup(content, fanuc_backup), head)
         base = tip = None

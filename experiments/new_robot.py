@@ -80,13 +80,7 @@ def content_of(
 ) -> tuple[dict[str, object], str]:
     """The content of the robot file, and its first lines of comment; `base` and `tip` are the ends of a
     URDF's chain. BadInput where it makes no robot."""
-    if options.vendor is None:
-        raise BadInput(
-            "a new robot has a maker",
-            allowed=", ".join(_VENDORS),
-            remedy="--vendor doosan, with the maker of your arm",
-        )
-    vendor = typed_vendor(options.vendor)
+    vendor = typed_vendor(options.vendor or "")
     if options.urdf is not None:
         if options.row or options.sheet is not None or options.ranges or options.convention != "standard":
             raise BadInput(
