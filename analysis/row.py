@@ -76,9 +76,12 @@ class ParameterRow(StatusRow):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.is_known and None in (self.estimate, self.std, self.interval95):
-            raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
         if self.std is not None and (self.estimate is None or not self.std > 0):
             raise UnsoundResult(f"{self.name!r} has an empty std, or one without an estimate")
         if self.interval95 is not None and not self.interval95[0] < self.interval95[1]:
             raise UnsoundResult(f"the interval95 of {self.name!r} is empty")
+
+    def require_whole(self) -> None:
+        """UnsoundResult where it lacks a number that its status promises."""
+        if self.is_known and None in (self.estimate, self.std, self.interval95):
+            raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")

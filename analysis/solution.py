@@ -97,6 +97,7 @@ class ParameterResult(ParameterRow):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.require_whole()
         if self.held and (self.estimate is None or (self.cause is None and self.reason is None)):
             raise UnsoundResult(f"{self.name!r} is held without the value that it is held at or the cause")
 

@@ -21,6 +21,7 @@ from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict, has_numbers
 from ...model.arrays import Matrix
+from ...model.errors import UnsoundResult
 from ...model.records import if_any, internal, it, or_null, read, record
 
 Moment = Annotated[
@@ -122,6 +123,16 @@ def checked_moment(value: object) -> datetime:
     if when.tzinfo is not None:
         raise ValueError(f"{when} has a zone")
     return when
+
+
+def checked_offset(row: object) -> ParameterRow:
+    """The row of an offset, with all that its status promises."""
+    offset = read(ParameterRow, row)
+    try:
+        offset.require_whole()
+    except UnsoundResult as error:
+        raise ValueError(str(error)) from None
+    return offset
 
 
 def checked_without_prior(

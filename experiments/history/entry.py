@@ -10,10 +10,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...analysis.row import ParameterRow
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
-from ...model.records import read, to_json
+from ...model.records import to_json
 from ...words.provenance import (
     DATE,
     KEYS,
@@ -27,6 +26,7 @@ from ...words.provenance import (
 from .content import (
     DAMAGED,
     StoredResult,
+    checked_offset,
     checked_sensitivity,
     checked_without_prior,
     parsed,
@@ -142,7 +142,7 @@ def _entry(result: Result, text: str, origin: _Origin) -> Entry:
     inputs = result.inputs
     if not re.fullmatch("[0-9a-f]{64}", inputs.sha256):
         raise ValueError("inputs.sha256 is no SHA-256")
-    offsets = tuple(read(ParameterRow, to_json(row)) for row in result.offsets)
+    offsets = tuple(checked_offset(to_json(row)) for row in result.offsets)
     without_prior = None if result.without_prior is None else to_json(result.without_prior)
     if result.accuracy is None:
         raise ValueError("accuracy: Field required")

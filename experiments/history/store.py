@@ -14,10 +14,9 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from ...analysis.answer.result import Result, parse_result
-from ...analysis.row import ParameterRow
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
-from ...model.records import read, to_json
+from ...model.records import to_json
 from ...words.judgement import Judgement, read_judgement
 from .content import (
     DAMAGED,
@@ -26,6 +25,7 @@ from .content import (
     StoredResult,
     What,
     checked_moment,
+    checked_offset,
     checked_sensitivity,
     checked_text,
     checked_verdict,
@@ -355,7 +355,7 @@ def results(
 
 def _stored(row: Mapping[str, Any]) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    offsets = tuple(read(ParameterRow, one) for one in parsed(row["offsets"]))
+    offsets = tuple(map(checked_offset, parsed(row["offsets"])))
     alone, sensitivity = (
         None if row[name] is None else parsed(row[name]) for name in ("without_prior", "sensitivity_mm2")
     )
