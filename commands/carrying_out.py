@@ -15,7 +15,7 @@ from ..experiments.rigs.manual.line_sources import Lines, TypedLines, WatchedLin
 from ..experiments.run_options import RIGS, RunOptions
 from ..model.errors import BadInput, RigFault
 from ..model.options import Option
-from .console import EXIT_STATUS, OutputLost, err, json_text, say, show
+from .console import EXIT_STATUS, OutputLost, err, json_text, say, show_answer
 from .shared_options import Json, NewRunFile, PlanFile
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def run(
                 say(kept, to=err)
             raise
     if as_json or not json_lines:
-        show(as_json, event_json(answer), lambda: ended_page(answer), run=file)
+        show_answer(as_json, event_json(answer), lambda: ended_page(answer), run=file)
     done = 0 if answer.verifies else EXIT_STATUS[answer.verdict]  # a test is judged by zerobeam verify
     raise typer.Exit(1 if answer.missing else done)
 

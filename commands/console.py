@@ -107,7 +107,7 @@ def print_json(answer: dict[str, Any]) -> None:
     sys.stdout.write(json_text(answer, indent=1) + "\n")
 
 
-def show(as_json: bool, answer: object, page: Callable[[], Page], /, **files: Path | None) -> None:
+def show_answer(as_json: bool, answer: object, page: Callable[[], Page], /, **files: Path | None) -> None:
     """Print an answer: with --json itself (a record, or its JSON), else its page, and below it the `files`
     that there are, each behind what it is."""
     if as_json:

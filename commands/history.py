@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,9 +13,9 @@ import typer
 from ..experiments.command_options import AddOptions, HistoryPageOptions, Model, SerialOrAll, ToleranceMm, Url
 from ..model.errors import BadInput, missing_extra
 from ..model.options import Option, argument
-from ..reports.output.terminal import print_blocks
+from ..reports.style.blocks import plain_page
 from ..words.spreadsheet import csv_lines
-from .console import err, out, print_json, print_json_pieces, progress, say
+from .console import err, print_json, print_json_pieces, progress, say, show_answer
 from .formats import Group
 from .shared_options import Force, Json
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..experiments.history.entry import Entry
     from ..experiments.history.store import Damaged
     from ..reports.history.arm_page import ArmHistory
-    from ..reports.style.blocks import Block
 
 Serial = Annotated[str, argument("Serial number of the arm.", metavar="SERIAL")]
 
@@ -156,7 +155,8 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
             print_json_pieces(history_text((one, judgement_of(history, one.sha256)) for one in stored))
         else:
             rows = arms(history, damaged)
-            _print(None, [arms_table(rows, [judgement_of(history, row.sha256) for row in rows])])
+            table = arms_table(rows, [judgement_of(history, row.sha256) for row in rows])
+            show_answer(False, rows, lambda: plain_page("", table))
 
 
 @histories.of_options("show")
@@ -164,7 +164,6 @@ def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = Fa
     """Show the results and events of an arm, in the order of time."""
     from ..experiments.history.documents import HistoryList
     from ..experiments.history.store import events, find_arm, judgement_of, results
-    from ..model.records import to_json
     from ..reports.history.lists import events_table, results_table, worth
 
     with damage_named() as damaged:
@@ -172,23 +171,11 @@ def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = Fa
             arm = find_arm(history, serial, model)
             stored, logged = list(results(history, arm, damaged)), events(history, arm, damaged)
             judged = [judgement_of(history, one.sha256) for one in stored]
-        if as_json:
-            answer = HistoryList(
-                serial=arm[0],
-                model=arm[1],
-                results=tuple(map(worth, stored, judged)),
-                events=tuple(logged),
-            )
-            print_json(to_json(answer))
-        else:
-            _print(arm, (results_table(stored, judged), events_table(logged)))
-
-
-def _print(arm: tuple[str, str] | None, blocks: Iterable[Block | None]) -> None:
-    """What there is of an arm (serial number, model), or of all."""
-    if arm is not None:
-        say(f"{arm[0]}, {arm[1]}")
-    print_blocks(out, (block for block in blocks if block is not None))
+        answer = HistoryList(
+            serial=arm[0], model=arm[1], results=tuple(map(worth, stored, judged)), events=tuple(logged)
+        )
+        blocks = results_table(stored, judged), events_table(logged)
+        show_answer(as_json, answer, lambda: plain_page(", ".join(arm), *blocks))
 
 
 @histories.of_options("event")
@@ -262,7 +249,6 @@ def drift(
     from ..experiments.history.documents import DriftOfArms
     from ..experiments.history.fleet_drift import drift_of_each, fleet_drift
     from ..experiments.history.store import arms, events, find_arm, results
-    from ..model.records import to_json
     from ..reports.history.drift_text import arms_drift_table, drift_blocks, fleet_blocks
 
     with opened(db) as history, progress("drift") as tell:
@@ -278,12 +264,9 @@ def drift(
             arm = find_arm(history, serial, model)
             tell(serial, 0.0)
             drifts = [arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)]
-    if as_json:
-        print_json(to_json(DriftOfArms(arms=tuple(drifts), fleet=fleet)))
-    elif fleet is not None:
-        _print(None, (arms_drift_table(drifts), *fleet_blocks(fleet)))
-    else:
-        _print(arm, drift_blocks(drifts[0]))
+    blocks = drift_blocks(drifts[0]) if fleet is None else (arms_drift_table(drifts), *fleet_blocks(fleet))
+    answer = DriftOfArms(arms=tuple(drifts), fleet=fleet)
+    show_answer(as_json, answer, lambda: plain_page(", ".join(arm or ()), *blocks))
 
 
 @histories.of_options("report")

@@ -14,7 +14,7 @@ from ..experiments.command_options import CompareOptions
 from ..experiments.demos import demo_runs
 from ..model.errors import BadInput, WorkersLost
 from ..model.options import Option, Seed, argument
-from .console import EXIT_STATUS, FAULT, err, out, print_json, progress, say, show
+from .console import EXIT_STATUS, FAULT, err, out, print_json, progress, say, show_answer
 from .shared_options import Cluster, Json, Picture, PlanFile, RunFile
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         write_plan_page(picture, turned, checked)
     typed = replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix()))
-    show(as_json, checked, lambda: check_page(typed), picture=picture)
+    show_answer(as_json, checked, lambda: check_page(typed), picture=picture)
     raise typer.Exit(EXIT_STATUS[checked.verdict])
 
 
@@ -94,7 +94,7 @@ def analyse(
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, options, tell)
     typed = _where_the_person_stands(analysis.result, save or run)
-    show(as_json, analysis.result, lambda: brief_page(typed))
+    show_answer(as_json, analysis.result, lambda: brief_page(typed))
     raise typer.Exit(_status(analysis))
 
 
@@ -118,7 +118,7 @@ def report(
         paths = write_report(folder, analysis.result, analysis.draws)
         tell("writing", 1.0)
     typed = _where_the_person_stands(analysis.result, run)
-    show(as_json, analysis.result, lambda: brief_page(typed), report=paths.html)
+    show_answer(as_json, analysis.result, lambda: brief_page(typed), report=paths.html)
     raise typer.Exit(_status(analysis))
 
 
@@ -149,7 +149,7 @@ def compare(
             tell("writing", 1.0)
             write_comparison(folder, comparison)
     page = None if folder is None else folder / "compare.html"
-    show(as_json, comparison, lambda: comparison_page(comparison).brief, comparison=page)
+    show_answer(as_json, comparison, lambda: comparison_page(comparison).brief, comparison=page)
     if comparison.failed:
         raise typer.Exit(FAULT)
     raise typer.Exit(0 if comparison.verdict == "agrees" else 1)
@@ -289,5 +289,5 @@ def batch(
             kept = f"The finished runs are kept in {folder}: the same command goes on with them."
             say(kept, to=err)
         raise
-    show(as_json, done, lambda: batch_page(done).brief, page=folder / "batch.html")
+    show_answer(as_json, done, lambda: batch_page(done).brief, page=folder / "batch.html")
     raise typer.Exit(0 if done.passed else 1)

@@ -11,7 +11,7 @@ from ..experiments.command_options import VerifyOptions
 from ..experiments.plans.plan_options import PlanOptions
 from ..model.errors import BadInput
 from ..model.options import Option, argument, options_of
-from .console import EXIT_STATUS, progress, show
+from .console import EXIT_STATUS, progress, show_answer
 from .shared_options import Cluster, Force, Json, Picture, RunFile
 
 PlanKind = Literal["x", "y", "optimal", "verify"]
@@ -80,7 +80,7 @@ def plan(
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_plan(turned.plan, turned))
     picture = None if made.file is None else picture
-    show(as_json, made.as_json(), lambda: proposal_page(made), plan=made.file, picture=picture)
+    show_answer(as_json, made.as_json(), lambda: proposal_page(made), plan=made.file, picture=picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
 
@@ -122,7 +122,7 @@ def verify(
     if folder is not None:
         write_acceptance_report(folder, verified)
     page = None if folder is None else folder / "verification.html"
-    show(as_json, to_json(verified), lambda: acceptance_page(verified).brief, report=page)
+    show_answer(as_json, to_json(verified), lambda: acceptance_page(verified).brief, report=page)
     raise typer.Exit(0 if verified.verdict == "pass" else 1)
 
 
@@ -135,7 +135,7 @@ def _plan_verify(
     from ..reports.acceptance.acceptance_page import acceptance_plan_page
 
     made = write_acceptance_plan(run, file, shots, _enough(tolerance), force=force)
-    show(as_json, to_json(made), lambda: acceptance_plan_page(made, made.vendor), plan=file)
+    show_answer(as_json, to_json(made), lambda: acceptance_plan_page(made, made.vendor), plan=file)
     raise typer.Exit(0 if made.enough else 1)
 
 

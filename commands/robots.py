@@ -10,7 +10,7 @@ import typer
 from ..experiments.command_options import NewRobotOptions
 from ..model.errors import BadInput
 from ..model.options import J3Origin, Option, argument
-from .console import EXIT_STATUS, out, print_json, show
+from .console import EXIT_STATUS, out, print_json, show_answer
 from .shared_options import Json
 
 PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
@@ -118,6 +118,6 @@ def robot(
         from ..reports.scenes.turnable import write_arm_page
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
-    show(as_json, to_json(arm), lambda: robot_page(arm), picture=picture)
+    show_answer(as_json, to_json(arm), lambda: robot_page(arm), picture=picture)
     if arm.check is not None and not arm.check.agrees:
         raise typer.Exit(EXIT_STATUS["misfit"])

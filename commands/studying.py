@@ -10,7 +10,7 @@ import typer
 from ..model.errors import WorkersLost
 from ..model.options import Option, Seed, argument, arguments, options_of
 from ..model.parsing.reading import real_path
-from .console import err, progress, say, show
+from .console import err, progress, say, show_answer
 from .formats import with_options
 from .shared_options import Cluster, Json
 
@@ -54,7 +54,7 @@ def _carry_out(
             say(f"The finished cases are kept in {store}: the same command goes on with them.", to=err)
         raise
     store.unlink(missing_ok=True)
-    show(as_json, to_json(answer), lambda: study_page(answer).brief, study=paths.html)
+    show_answer(as_json, to_json(answer), lambda: study_page(answer).brief, study=paths.html)
     raise typer.Exit(0 if answer.agrees else 1)
 
 

@@ -33,6 +33,7 @@ from ..style.blocks import (
     Row,
     Table,
     Verdict,
+    plain_page,
     row_of,
     section_of,
     table_of,
@@ -120,7 +121,7 @@ def acceptance_plan_page(plan: AcceptancePlan, vendor: str | None) -> Page:
     """What the planned test would notice, and what to do at a controller of this vendor."""
     caution = f"Caution: {no_offsets_words(vendor)}. {_NOTHING_ENTERED}"
     count = counted(len(plan.rows), "posture")
-    section = section_of(
+    return plain_page(
         "",
         Paragraph(f"{count} of the run: measurements {listed([str(row) for row in plan.rows], 20)}."),
         noticed_table(plan.offsets),
@@ -128,7 +129,6 @@ def acceptance_plan_page(plan: AcceptancePlan, vendor: str | None) -> Page:
         Paragraph(narrow_sentence()) if plan.narrow else None,
         Paragraph(_STEPS if taken_by(vendor) == "offsets" else caution),
     )
-    return Page("", "", Verdict("held", "", ""), [], [section])
 
 
 def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:

@@ -42,7 +42,7 @@ VERDICT_STYLE = {
 }
 _MOST_ROWS, _FIRST_ROWS = 40, 20  # of a longer table the first
 _HEAD = 10  # letters of a line of a head, at least
-_NARROWEST = 12  # letters of a column that has to give way
+_NARROWEST = 16  # letters of a column that has to give way
 _GAP = "  "
 _TEXT_WIDTH = 96  # letters of a line of a text without a terminal
 
@@ -175,7 +175,7 @@ def table_lines(table: Table, width: int) -> list[Text]:
     """A table in lines of so many letters, if its words allow: numbers to the right, a head over its numbers.
     A cell over several columns may run on to the end of its line."""
     sizes = _sizes(table, width)
-    heads = [textwrap.wrap(column.text, size) for column, size in zip(table.columns, sizes, strict=True)]
+    heads = [_wrapped(column.text, size) for column, size in zip(table.columns, sizes, strict=True)]
     tallest = max(map(len, heads), default=0)
     aligns = [column.align for column in table.columns]
     head = [
@@ -193,7 +193,8 @@ def table_lines(table: Table, width: int) -> list[Text]:
                 room = max(room, width - sum(sizes[:at]) - len(_GAP) * at)
             align = aligns[at] if cell.span == 1 else "left"
             style = STYLE[cell.mark] if cell.mark else ""
-            cells.append((_wrapped(_shown(cell), room), room, align, style))
+            mark = f"{MARK[cell.mark]} " if cell.mark else ""
+            cells.append((_wrapped(cell.text, room, mark), room, align, style))
             at = end
         lines += _lines(cells)
     return lines
@@ -218,23 +219,24 @@ def _lines(cells: Sequence[_Cell]) -> list[Text]:
 def _sizes(table: Table, width: int) -> list[int]:
     """Widths of the columns. Where the line is too long, texts give way before numbers."""
     texts: list[list[str]] = [[] for _ in table.columns]
+    words = [column.text.split(" ") for column in table.columns]
     wide: list[tuple[int, int, int]] = []
     for row in table.rows:
         at = 0
         for cell in row.cells:
             if cell.span == 1:
                 texts[at].append(_shown(cell))
+                words[at] += [_shown(replace(cell, text=word)) for word in cell.text.split(" ")]
             elif at + cell.span < len(texts):
                 wide.append((at, at + cell.span, len(_shown(cell))))
             at += cell.span
     sizes = [max(map(len, column), default=0) for column in texts]
     for k, column in enumerate(table.columns):
-        head = textwrap.wrap(column.text, max(_HEAD, sizes[k])) if column.align == "right" else [column.text]
+        room = max(_HEAD, sizes[k], *map(len, column.text.split(" ")))
+        head = _wrapped(column.text, room) if column.align == "right" else [column.text]
         sizes[k] = max([sizes[k], *map(len, head)])
-        texts[k].append(column.text)
     for start, end, letters in wide:
         sizes[end - 1] += max(letters - sum(sizes[start:end]) - len(_GAP) * (end - start - 1), 0)
-    words = [[word for text in column for word in text.split(" ")] for column in texts]
     least = [min(_NARROWEST, max(map(len, each), default=0)) for each in words]
     for aligned in ({"left"}, {"left", "right"}):
         while sum(sizes) + len(_GAP) * (len(sizes) - 1) > width:
@@ -249,5 +251,7 @@ def _shown(cell: Cell) -> str:
     return f"{MARK[cell.mark]} {cell.text}" if cell.mark else cell.text
 
 
-def _wrapped(text: str, width: int) -> list[str]:
-    return textwrap.wrap(text, max(width, 1), break_on_hyphens=False)
+def _wrapped(text: str, width: int, mark: str = "") -> list[str]:
+    room = max(width, len(mark) + 1)
+    hanging = " " * len(mark)
+    return textwrap.wrap(text, room, initial_indent=mark, subsequent_indent=hanging, break_on_hyphens=False)

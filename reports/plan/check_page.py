@@ -26,6 +26,7 @@ from ..style.blocks import (
     Row,
     Table,
     Verdict,
+    plain_page,
     row_of,
     section_of,
     table_of,
@@ -58,7 +59,7 @@ def proposal_page(made: MadePlan) -> Page:
     """The answer of `plan`: verdict, predicted uncertainties, efficiency, travel, what removed candidates."""
     check, sentences = made.checked, list(made.sentences)
     if check is None:
-        return Page("", "", Verdict("weak", "", ""), [], [section_of("", *map(Paragraph, sentences))])
+        return plain_page("", *map(Paragraph, sentences))
     offsets = [row for row in check.parameters if row.group == "offset"]
     worth = worth_sentence(check.geometry, offsets)
     if made.proposal is not None:

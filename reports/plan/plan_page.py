@@ -17,9 +17,8 @@ from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...model.arrays import Matrix
-from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from ...model.files.whole_file import write_whole
+from ...model.files.whole_file import refuse_existing, write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
 from ...words.observability import outlook_lines, rank_facts
@@ -275,30 +274,8 @@ def write_plan_page(path: Path | str, aimed: AimedPlan, check: Check) -> None:
     BadInput if something else is there or the folder does not exist, NotWritten where it cannot be written.
     """
     path = Path(path)
-    target = Path(os.path.realpath(path))
-    _check_target(path, target)
-    text = plan_page(aimed, check)
-    write_whole(target, text, force=True)
-
-
-def _check_target(path: Path, target: Path) -> None:
-    allowed = "a file that does not exist, or a picture of a plan that zerobeam wrote"
-    if not target.parent.is_dir():
-        raise BadInput(
-            "the folder to write the picture into does not exist",
-            found=path.parent,
-            remedy="make it first",
-            file=path,
-        )
-    if target.is_dir():
-        raise BadInput("there is a folder of this name", allowed=allowed, file=path)
-    if target.exists() and not _is_plan_page(target):
-        raise BadInput(
-            "the file exists already and is no picture of a plan; it would be lost",
-            allowed=allowed,
-            remedy="choose another name, or move it away first",
-            file=path,
-        )
+    refuse_existing(path, force=_is_plan_page(path))
+    write_whole(Path(os.path.realpath(path)), plan_page(aimed, check), force=True)
 
 
 def _is_plan_page(path: Path) -> bool:

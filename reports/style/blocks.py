@@ -217,6 +217,11 @@ class Page:
         return chapters
 
 
+def plain_page(title: str, *blocks: Block | None) -> Page:
+    """Blocks without a verdict."""
+    return Page(title, "", Verdict("held", "", ""), [], [section_of(title, *blocks)])
+
+
 def table_of(caption: str, heads: Sequence[str], rows: Iterable[Row], aligned: str = "lr") -> Table:
     """A table; `aligned` has l (left) or r (right) for each column, its last letter for all that follow."""
     letters = aligned.ljust(len(heads), aligned[-1])

@@ -19,9 +19,10 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import OutsideLimits, check
 from zerobeam.analysis.observability.outlook import Advice, OverTarget
 from zerobeam.experiments.procedure.events import Ended
-from zerobeam.reports.output.terminal import print_blocks, print_page
+from zerobeam.reports.output.terminal import print_blocks, print_page, table_lines
 from zerobeam.reports.plan.check_page import check_page
 from zerobeam.reports.run.brief_page import brief_page, ended_page, side_by_side
+from zerobeam.reports.style.blocks import Cell, row_of, table_of
 
 SHOWN = ("misfit", "unconverged", "separate", "geometry")
 
@@ -217,3 +218,36 @@ def test_names_at_the_end_of_a_run_give_the_terminal_no_commands() -> None:
     assert text.count("[bold red]beware[/bold red] \\x1b[2J\\u202e") == 3
     assert "\x1b" not in text
     assert "\u202e" not in text
+
+
+def test_a_table_keeps_to_its_width_and_texts_give_way_before_numbers() -> None:
+    rows = [
+        row_of(Cell("identified", mark="identified"), "a text that is too long for its column", "−0.123 mm"),
+        row_of(Cell("held", mark="held"), Cell("it runs on to the end of the line", span=2)),
+        row_of("x", Cell("spanned", span=1), "1"),
+    ]
+    lines = table_lines(table_of("", ["status", "what it says", "largest measured value"], rows, "llr"), 40)
+    assert [line.plain for line in lines] == [
+        "                                 largest",
+        "                                measured",
+        "status        what it says         value",
+        "● identified  a text that is   −0.123 mm",
+        "              too long for",
+        "              its column",
+        "■ held        it runs on to the end of",
+        "              the line",
+        "x             spanned                  1",
+    ]
+
+
+def test_a_span_in_the_middle_has_the_room_of_its_words() -> None:
+    rows = [row_of("J1", "1.0°", "0.1°", "ok"), row_of("J2", Cell("not determined by these", span=2), "lost")]
+    first, _, last = (line.plain for line in table_lines(table_of("", ["", "v", "U", "s"], rows, "lrrl"), 80))
+    assert last == "J2  not determined by these  lost"
+    assert first.rstrip().endswith("s")
+
+
+def test_of_a_long_table_the_first_rows_are_printed() -> None:
+    to, text = console()
+    print_blocks(to, [table_of("Many", ["n"], [row_of(str(k)) for k in range(50)])])
+    assert text.getvalue().splitlines()[-2:] == ["19", "… 30 more: see --json or the report"]

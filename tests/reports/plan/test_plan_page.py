@@ -293,7 +293,7 @@ def test_the_page_is_written_and_replaces_only_a_page_of_its_kind(tmp_path: Path
     foreign = tmp_path / "notes.html"
     for content in ("", "<!doctype html>\n<p>mine</p>", "x" * 2000 + path.read_text(encoding="utf-8")):
         foreign.write_text(content, encoding="utf-8")
-        assert "would be lost" in refused(write_plan_page, foreign, *judged(good_plan())).what
+        assert "exists already" in refused(write_plan_page, foreign, *judged(good_plan())).what
         assert foreign.read_text(encoding="utf-8") == content
     assert "folder" in refused(write_plan_page, tmp_path, *judged(good_plan())).what
     error = refused(write_plan_page, tmp_path / "nowhere" / "plan.html", *judged(good_plan()))
