@@ -12,7 +12,7 @@ has no closed form of sums over shots. Above 50,000 pairs a random sample of 20,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -32,7 +32,7 @@ _TOLERANCE = (1e-14, 1e-9)  # of the cost, where the search ends: of all pairs, 
 _PARALLEL = 1e-4  # rad: beams nearer to parallel than this have no middle that could be trusted
 
 
-@record(eq=False)
+@record
 class MidpointFit:
     """`x` (p,) of the parameters `names`, internal units, with the offsets and tool of the fit (targets: the
     mean middle). Cost and rms are None where no pair of beams has a middle; of what only the likelihood fit
@@ -45,8 +45,8 @@ class MidpointFit:
     cost: Annotated[float | None, it("at the end")]
     rms_mm: Annotated[float | None, it("of the residuals in lengths (3-vectors), millimetres")]
     message: Annotated[str | None, it("what else is to be known, in words")]
-    names: Annotated[tuple[str, ...], internal]
-    x: Annotated[Matrix, internal]
+    names: Annotated[tuple[str, ...], internal] = field(compare=False)
+    x: Annotated[Matrix, internal] = field(compare=False)
     rms_before_mm: Annotated[None, it("not of this fit")] = None
     rms_deg: Annotated[None, it("not of this fit")] = None
     rms_before_deg: Annotated[None, it("not of this fit")] = None
