@@ -146,16 +146,16 @@ def _other_result(path: Path, entry: Entry, replace: bool) -> BadInput:
 @histories.of_options("list")
 def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
-    from ..experiments.history.store import arms, judgement_of, results
+    from ..experiments.history.store import arms, message_of, results
     from ..reports.history.lists import arms_table, history_text
 
     with damage_named() as damaged, opened(db) as history:
         if as_json:
             stored = results(history, damaged=damaged)
-            print_json_pieces(history_text((one, judgement_of(history, one.sha256)) for one in stored))
+            print_json_pieces(history_text((one, message_of(history, one.sha256)) for one in stored))
         else:
             rows = arms(history, damaged)
-            table = arms_table(rows, [judgement_of(history, row.sha256) for row in rows])
+            table = arms_table(rows, [message_of(history, row.sha256) for row in rows])
             show_answer(False, rows, lambda: plain_page("", table))
 
 
@@ -163,14 +163,14 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
     from ..experiments.history.documents import HistoryList
-    from ..experiments.history.store import events, find_arm, judgement_of, results
+    from ..experiments.history.store import events, find_arm, message_of, results
     from ..reports.history.lists import events_table, results_table, worth
 
     with damage_named() as damaged:
         with opened(db) as history:
             arm = find_arm(history, serial, model)
             stored, logged = list(results(history, arm, damaged)), events(history, arm, damaged)
-            judged = [judgement_of(history, one.sha256) for one in stored]
+            judged = [message_of(history, one.sha256) for one in stored]
         answer = HistoryList(
             serial=arm[0], model=arm[1], results=tuple(map(worth, stored, judged)), events=tuple(logged)
         )
@@ -209,7 +209,7 @@ def export(
     force: Force = False,
 ) -> None:
     """Write the results as a table (a row for each offset) or as JSON."""
-    from ..experiments.history.store import events, find_arm, judgement_of, results
+    from ..experiments.history.store import events, find_arm, message_of, results
     from ..model.files.whole_file import write_whole
     from ..reports.history.lists import history_text, offset_rows
 
@@ -229,7 +229,7 @@ def export(
             csv_lines(offset_rows(counted_results()))
             if csv
             else history_text(
-                ((one, judgement_of(history, one.sha256)) for one in counted_results()), events(history, arm)
+                ((one, message_of(history, one.sha256)) for one in counted_results()), events(history, arm)
             )
         )
         write_whole(file, text, force=force)
@@ -278,7 +278,7 @@ def report(
     """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
     from ..experiments.history.arm_drift import arm_drift
     from ..experiments.history.entry import moment
-    from ..experiments.history.store import arms, events, find_arm, judgement_of, results
+    from ..experiments.history.store import arms, events, find_arm, message_of, results
     from ..model.records import to_json
     from ..reports.history.arm_page import ArmHistory
     from ..reports.history.arm_page import headline as arm_headline
@@ -304,7 +304,7 @@ def report(
         def of(arm: tuple[str, str]) -> ArmHistory:
             stored, logged = tuple(results(history, arm)), tuple(events(history, arm))
             judged = tuple(
-                judgement_of(history, one.sha256) if one.verdict == "pass" else None for one in stored
+                message_of(history, one.sha256) if one.verdict == "pass" else None for one in stored
             )
             return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, judged, logged, when)
 

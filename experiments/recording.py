@@ -19,8 +19,8 @@ from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..words.message import acceptance_plan_message, headline_so_far, message_so_far
+from ..words.plan_words import violation_words
 from ..words.provenance import SIMULATED, VERIFIES, true_values
-from ..words.verdict import violation_words
 from ..words.wording import listed
 from .acceptance_files import offsets_to_enter
 from .plans.constraints import require_constraints, violations

@@ -28,7 +28,7 @@ from ..reports.run.residuals import draw_residuals, residuals_picture
 from ..reports.run.run_scene import run_turnable
 from ..reports.style.blocks import Page, section_of
 from ..words.finding_words import likelihood_message, posterior_message
-from ..words.next_steps import offered
+from ..words.message import offered
 from ..words.sentences import to_json
 from ..words.wording import clipped, counted
 from .checked_arguments import require_axes, require_kind, require_progress

@@ -26,9 +26,8 @@ from ..reports.plan.plan_page import plan_turnable, postures_of
 from ..reports.style.blocks import Page, Verdict, section_of
 from ..words import numbers
 from ..words.geometry_words import check_lines
-from ..words.plan_message import plan_message
+from ..words.message import message
 from ..words.sentences import to_json
-from ..words.verdict import tone_of
 from ..words.wording import clipped, counted
 from .checked_arguments import require_plan, vector
 from .in_app import AppView, app_of, write_plan_beside
@@ -117,13 +116,14 @@ class CheckedPlan(ShownPage, Check):
         return answer
 
     def _page(self) -> Page:
+        content = message(self)
         return Page(
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
-            Verdict(tone_of(self.verdict), "", ""),
+            Verdict(content.grade or "held", "", ""),
             check_lines(self),
             [section_of("", self.offsets.table)],
-            message=plan_message(self),
+            message=content,
         )
 
 

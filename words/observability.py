@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 from ..analysis.observability.causes import (
     AsGoodAs,
@@ -36,11 +37,12 @@ from ..analysis.observability.causes import (
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
+from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
-from .wording import Namer, be, clipped, counted, label, listed, shown
+from .wording import Namer, are, be, clipped, counted, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
@@ -292,6 +294,46 @@ def stating(of: Sequence[Assumption]) -> str:
     if all(one.part == "frame" for one in of):
         return f"{text}, or state it as free and hold the first offset"
     return text
+
+
+class _WithStatus(Protocol):
+    """A parameter of a result, of a check, of a run that is not finished."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def status(self) -> Status: ...
+
+
+def determined(rows: Sequence[_WithStatus], texts: Mapping[Status, str], name: Namer) -> str:
+    """What can be said of offsets by their status, in the order of `texts`; then what they rest on."""
+    by_status = {status: [row.name for row in rows if row.status == status] for status in texts}
+    sentences = [f"{are(names, name)} {texts[status]}." for status, names in by_status.items() if names]
+    return " ".join([*sentences, *_resting(rows, name)])
+
+
+def _resting(rows: Sequence[_WithStatus], name: Namer) -> list[str]:
+    """What offsets rest on besides the measurements, a sentence for each reason: what is assumed, then what
+    is stated."""
+    grouped: dict[tuple[bool, str], list[str]] = {}
+    for row in rows:
+        cause = getattr(row, "cause", None)
+        if isinstance(cause, AsGoodAs) and row.status in ("assumed", "identified"):
+            grouped.setdefault((cause.by_header, reason(cause, name)), []).append(row.name)
+    return [
+        f"{are(names, name)} {'identified ' if by_header else ''}{why}."
+        for (by_header, why), names in sorted(grouped.items())
+    ]
+
+
+def assumed_steps(rows: Sequence[_WithStatus], name: Namer) -> list[str]:
+    """What to do to determine the offsets that are as good as what is assumed, a sentence for each reason."""
+    grouped: dict[str, list[str]] = {}
+    for row in rows:
+        cause = getattr(row, "cause", None)
+        if row.status == "assumed" and isinstance(cause, AsGoodAs):
+            grouped.setdefault(stating(cause.of), []).append(name(row.name))
+    return [f"To determine {listed(names)}: {what}" for what, names in grouped.items()]
 
 
 def _counts(cause: TooFewMeasurements) -> str:

@@ -44,12 +44,11 @@ from .finding_words import (
     robust_message,
     tcp_words,
 )
-from .message import headline, message
+from .message import headline, message, next_steps, offered
 from .misfit_words import criterion_sentence, explanation_sentence
-from .next_steps import next_steps, offered
 from .observability import direction_remedy, reason
 from .pendant_check import check_sentences
-from .verdict import check_headline, check_notes
+from .plan_words import check_notes
 
 _CRITERIA = (
     LackOfFit,
@@ -87,7 +86,7 @@ WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
     Comparison: {"headline": comparison.headline, "notes": lambda runs: tuple(comparison.notes(runs))},
     ComparedRun: {"failure": _failure},
     PendantCheck: {"sentences": check_sentences},
-    Check: {"headline": check_headline, "notes": check_notes},
+    Check: {"headline": headline, "notes": check_notes},
     **{kind: {"sentence": criterion_sentence} for kind in _CRITERIA},
 }
 

@@ -96,6 +96,11 @@ def be(subjects: Sized) -> str:
     return "is" if len(subjects) == 1 else "are"
 
 
+def are(names: Collection[str], name: Namer) -> str:
+    """The names with their verb: `J2 (δ2) and J3 (δ3) are`."""
+    return f"{listed(list(map(name, names)))} {be(names)}"
+
+
 def listed(names: list[str], most: int = 8) -> str:
     """`a, b and c`; of more than `most` names the first and how many more."""
     if len(names) > most:

@@ -45,8 +45,9 @@ class May:
 class Message:
     """What is known (`verdict`), how well (`worst`, None for a misfit), what is wrong or limits it (`cause`,
     None where nothing is), what to do, and what a reader must not miss, the gravest first. `basis`: what was
-    stated, and what was assumed with what it does to U. `grade` and `may` (`words/judgement.py`) are None and
-    nothing of a plan, and of results of earlier versions."""
+    stated, and what was assumed with what it does to U. `grade` and `may` follow from the findings
+    (`words/catalogue.py`); they are None and nothing in results of earlier versions, and of a plan nothing
+    may be entered."""
 
     verdict: str
     worst: WorstOffset | None

@@ -168,7 +168,7 @@ def on_held_out(held_out: HoldOut | PredictedRun | None) -> Iterator[Finding]:
     yield HeldOutMisfit(held_out.targets, held_out.rms_mm, held_out.factor, run, *expected)
 
 
-def prediction_failed(found: Sequence[Finding]) -> str | None:
+def prediction_failed(found: Sequence[object]) -> str | None:
     """The name of the held-out run that the analysed one does not predict; None without one."""
     runs = (each.run for each in found if isinstance(each, HeldOutMisfit))
     return next((run for run in runs if run is not None), None)

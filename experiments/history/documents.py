@@ -5,10 +5,9 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Final, Literal, get_args
 
-from ...analysis.answer.answer_message import Grade
+from ...analysis.answer.answer_message import Grade, Message
 from ...analysis.status import Verdict
 from ...model.records import if_any, internal, it, key, record
-from ...words.judgement import Judgement
 from .arm_drift import ArmDrift, DatedJump, Due
 from .content import Event, Moment, StoredResult
 from .fleet_drift import FleetDrift
@@ -80,7 +79,7 @@ class ArmState:
     counted: Annotated[int, it("results that count")]
     last: Annotated[Moment | None, it("time of the last result")]
     verdict: Verdict | None
-    judged: Annotated[Judgement | None, internal]
+    judged: Annotated[Message | None, internal]
     jumps: int
     clearest: Annotated[DatedJump | None, internal]
     undecided: Annotated[int, it("changes that may be a jump or drift")] = 0

@@ -13,11 +13,12 @@ from typing import Any, Literal, get_args
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import Result, parse_result
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import to_json
-from ...words.judgement import Judgement, read_judgement
+from ...words.message import read_message
 from .content import (
     DAMAGED,
     Arm,
@@ -417,11 +418,12 @@ def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, s
                 yield run, zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()
 
 
-def judgement_of(history: Database, sha256: str | None) -> Judgement | None:
-    """What the result of a run is worth, by its result.json; None where that is missing or damaged."""
+def message_of(history: Database, sha256: str | None) -> Message | None:
+    """What the result of a run says, and may be used for, by its result.json; None where that is missing or
+    damaged."""
     try:
         ((_, text),) = documents(history, [] if sha256 is None else [sha256])
-        return read_judgement(parse_result(text))
+        return read_message(parse_result(text))
     except (*DAMAGED, zlib.error):
         return None
 

@@ -33,8 +33,8 @@ from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
-from ...words.judgement import against
-from ...words.message import check_first, doubt_sentence
+from ...words.case import RunCase
+from ...words.catalogue import against
 from ...words.misfit_words import criterion_sentence, misfit_headline
 from ...words.observability import reason
 from ...words.provenance import is_simulated
@@ -366,7 +366,7 @@ def calibration(
         solution = converged_solution(run, "nothing can be exported")
         if not (unvalidated or as_data):
             require_validated(solution, allow_displaced)
-        _require_nothing_against(solution, None if held_out is None else predict_run(solution, held_out))
+        _require_nothing_against(solution, run, None if held_out is None else predict_run(solution, held_out))
         despite = unvalidated or (allow_displaced and not as_data)
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
@@ -487,21 +487,24 @@ def require_validated(solution: Solution, allow_displaced: bool = False) -> None
     )
 
 
-def _require_nothing_against(solution: Solution, held_out: PredictedRun | None) -> None:
-    """BadInput where the message of the run says to enter nothing: the rule of `words/judgement.py`."""
-    doubt = against(without_a_result(solution, held_out))
-    if isinstance(doubt, OtherBasins):
+def _require_nothing_against(solution: Solution, run: Run, held_out: PredictedRun | None) -> None:
+    """BadInput where something speaks against the values, as the run's message would say."""
+    row = against(without_a_result(solution, held_out))
+    if row is None:
+        return
+    if isinstance(row.finding, OtherBasins):
         raise BadInput(
             "the measurements do not determine which of several sets of offsets is the true one",
             found=f"{solution.fit.other_basins} more that fit nearly as well",
             remedy="record more measurements, in varied postures",
         )
-    if doubt is not None:
-        raise BadInput(
-            "the measurements speak against the values of this run, so nothing is exported",
-            found=doubt_sentence(doubt),
-            remedy=check_first(doubt),
-        )
+    case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
+    action = row.action(case)
+    raise BadInput(
+        "the measurements speak against the values of this run, so nothing is exported",
+        found=row.sentence(case),
+        remedy=None if action is None else action.text,
+    )
 
 
 def _check_without(without: Sequence[str], items: Sequence[ParameterResult]) -> None:

@@ -37,7 +37,7 @@ from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.likelihood.problem import Problem
 from ...model.records import dumps
-from ...words.message import headline, judged, message
+from ...words.message import contradicted, headline, message
 from ...words.sentences import to_json
 from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
@@ -274,7 +274,7 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
     return BatchRow(
         name=one.name,
         file=one.file,
-        outcome="weak" if result.verdict == "pass" and judged(result).against else result.verdict,
+        outcome="weak" if contradicted(result.verdict, message(result)) else result.verdict,
         message=headline(result, person),
         sha256=inputs.sha256,
         robot=inputs.robot,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
 
+from ...analysis.answer.answer_message import Message
 from ...analysis.drift.drift import ALARM, MEDIAN
 from ...analysis.status import known
 from ...experiments.history.arm_drift import NOT_SOON, ArmDrift
@@ -14,7 +15,6 @@ from ...experiments.history.content import Event, StoredResult
 from ...experiments.history.documents import ArmState, State
 from ...model.records import to_json
 from ...words import numbers
-from ...words.judgement import Judgement
 from ...words.wording import clipped, label, listed
 from ..style.blocks import (
     Block,
@@ -53,7 +53,7 @@ MARKS: dict[str, str] = {
 
 
 def arm_state(
-    arm: ArmDrift, results: Sequence[StoredResult], judged: Judgement | None, as_of: datetime | None
+    arm: ArmDrift, results: Sequence[StoredResult], judged: Message | None, as_of: datetime | None
 ) -> ArmState:
     """The row of an arm with its drift, all its results and what the last one is worth; `as_of` is the day on
     which it is asked."""
@@ -135,7 +135,7 @@ class ArmHistory:
 
     arm: ArmDrift
     results: tuple[StoredResult, ...]
-    judged: tuple[Judgement | None, ...]
+    judged: tuple[Message | None, ...]
     events: tuple[Event, ...]
     as_of: datetime | None
 
@@ -302,7 +302,7 @@ def calibrations(history: ArmHistory) -> Table:
     return table_of(caption, columns, rows, "l")
 
 
-def _calibration(result: StoredResult, judged: Judgement | None) -> Row:
+def _calibration(result: StoredResult, judged: Message | None) -> Row:
     return row_of(
         day(result.measured_at),
         verdict_cell(result.verdict, judged),

@@ -12,6 +12,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import Inputs, Result
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.solution import ParameterResult
@@ -23,7 +24,7 @@ from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signatu
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.records import dumps, it, record, to_json
-from ...words.judgement import Judgement, read_judgement
+from ...words.message import read_message
 from ...words.provenance import (
     CERTIFICATE_KEYS,
     DATE,
@@ -74,8 +75,8 @@ def certificate_json(
     BadInput for a misfit, for a fit that did not converge, where no offset is determined, and where something
     else speaks against the result. What the data do not determine has no number.
     """
-    judged = read_judgement(result)
-    _require_certifiable(stored, result, judged)
+    message = read_message(result)
+    _require_certifiable(stored, result, message)
     fit, geometry, entered = result.likelihood, result.geometry, result.enter
     k = result.coverage_factor or _coverage_factor(result)
     row = to_json(stored)
@@ -86,7 +87,7 @@ def certificate_json(
         "form": _form(result.inputs),
         "vendor": result.inputs.vendor,
         "simulated": by_plain_key(result.inputs.provenance).get("origin") == SIMULATED,
-        "grade": judged.grade,
+        "grade": message.grade,
         "headline": result.headline,
         "coverage": {"k": k, "probability": 0.95},
         "offsets": [_offset(row, geometry, k) for row in result.offsets],
@@ -117,7 +118,7 @@ def _of(answer: object, *names: str) -> dict[str, object]:
     return {name: getattr(answer, name) for name in names}
 
 
-def _require_certifiable(stored: StoredResult, result: Result, judged: Judgement) -> None:
+def _require_certifiable(stored: StoredResult, result: Result, message: Message) -> None:
     of = f"run {stored.run}, SHA-256 {stored.sha256[:12]}…"
     if result.verdict == "misfit":
         raise BadInput(
@@ -134,14 +135,12 @@ def _require_certifiable(stored: StoredResult, result: Result, judged: Judgement
             found=of,
             remedy="measure more postures (zerobeam check says which), or name another result by --run",
         )
-    if not judged.may.certify:
-        message = result.message
+    if not message.may.certify:
         raise BadInput(
             "this result is not certified: something speaks against it",
-            found=f"{of}: {message.verdict}" if message else of,
+            found=f"{of}: {message.verdict}",
             allowed="a result that nothing speaks against",
-            remedy=(message and message.action.text)
-            or "find the cause (zerobeam report), or name another result by --run",
+            remedy=message.action.text or "find the cause (zerobeam report), or name another result by --run",
         )
 
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
 
+from ...analysis.answer.answer_message import Message
 from ...analysis.status import Verdict
 from ...experiments.history.content import Arm, Event, StoredResult
 from ...experiments.history.documents import HISTORY_SCHEMA
 from ...model.records import one_line, to_json
 from ...words import numbers
-from ...words.judgement import Judgement, verdict_words
+from ...words.message import verdict_words
 from ...words.wording import capital, clipped, counted, label, shown
 from ..style.blocks import Cell, Table, row_of, table_of
 
@@ -31,7 +32,7 @@ def day(when: datetime | None) -> str:
     return when.strftime("%Y-%m-%d" if (when.hour, when.minute) == (0, 0) else "%Y-%m-%d %H:%M")
 
 
-def arms_table(arms: Sequence[Arm], judged: Sequence[Judgement | None]) -> Table:
+def arms_table(arms: Sequence[Arm], judged: Sequence[Message | None]) -> Table:
     """Every arm with its last result, and what that is worth."""
     heads = ("arm", "model", "results", "last", "verdict")
     rows = [
@@ -48,7 +49,7 @@ def arms_table(arms: Sequence[Arm], judged: Sequence[Judgement | None]) -> Table
     return table_of(f"{counted(len(arms), 'arm')}, by serial number", heads, rows, "llrl")
 
 
-def results_table(results: Sequence[StoredResult], judged: Sequence[Judgement | None]) -> Table:
+def results_table(results: Sequence[StoredResult], judged: Sequence[Message | None]) -> Table:
     """The results of an arm in the order of time, and what each is worth: an offset a column."""
     names = offset_names(results)
     columns = ["date", "verdict", *(label(name) for name in names)]
@@ -64,7 +65,7 @@ def results_table(results: Sequence[StoredResult], judged: Sequence[Judgement | 
     return table_of(f"{counted(len(results), 'result')}, ± standard uncertainty", columns, rows, "llr")
 
 
-def verdict_cell(verdict: Verdict, judged: Judgement | None) -> Cell:
+def verdict_cell(verdict: Verdict, judged: Message | None) -> Cell:
     """The verdict of a stored result with its shape and colour, and what it is worth."""
     mark = _MARKS[verdict] if verdict != "pass" or _tone(judged) == "" else "weak"
     return Cell(capital(verdict_words(verdict, judged)), mark=mark)
@@ -84,7 +85,7 @@ def events_table(events: Sequence[Event]) -> Table | None:
 
 
 def history_text(
-    results: Iterable[tuple[StoredResult, Judgement | None]], events: Iterable[Event] | None = None
+    results: Iterable[tuple[StoredResult, Message | None]], events: Iterable[Event] | None = None
 ) -> Iterator[str]:
     """Results with what they are worth, and events where they are given, as JSON in pieces: a line each."""
     yield f'{{\n "schema": "{HISTORY_SCHEMA}",\n "results": '
@@ -95,7 +96,7 @@ def history_text(
     yield "\n}\n"
 
 
-def worth(result: StoredResult, judged: Judgement | None) -> StoredResult:
+def worth(result: StoredResult, judged: Message | None) -> StoredResult:
     """The result with what it is worth, where that was read."""
     return result if judged is None else replace(result, grade=judged.grade, may=judged.may)
 
@@ -132,7 +133,7 @@ def offset_rows(results: Iterable[StoredResult]) -> Iterator[dict[str, object]]:
             }
 
 
-def _tone(judged: Judgement | None) -> str:
+def _tone(judged: Message | None) -> str:
     """Of a row: plain where the robot passed, and where no robot was measured."""
     return "" if judged is not None and judged.grade in ("pass", "held") else "weak"
 

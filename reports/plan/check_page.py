@@ -9,10 +9,10 @@ from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry_result import GeometryResult
 from ...words import numbers
 from ...words.geometry_words import check_lines, worth_sentence
+from ...words.message import VERDICT_WORDS, headline, message
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
-from ...words.plan_message import plan_action
-from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
+from ...words.plan_words import check_notes
 from ...words.wording import label, person, sentence
 from ..run.parameter_section import worth_column
 from ..run.unobservable import direction_words
@@ -78,15 +78,15 @@ def _page(check: Check, *blocks: Block) -> Page:
 
 def verdict_on(check: Check) -> Verdict:
     """The verdict on a plan, as a page has it."""
-    text = sentence(check_headline(check, person))
-    return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], text)
+    text = sentence(headline(check, person))
+    return Verdict(message(check).grade or "held", VERDICT_WORDS[check.verdict], text)
 
 
 def _what_to_do(check: Check) -> list[Block]:
     """Where postures break constraints."""
     if not check.violations:
         return []
-    action = plan_action(check)
+    action = message(check).action
     command = [] if action.command is None else [Commands([action.command])]
     return [Paragraph(f"To do: {sentence(action.text)}"), *command]
 

@@ -22,7 +22,7 @@ from ...model.files.whole_file import refuse_existing, write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
 from ...words.observability import outlook_lines, rank_facts
-from ...words.verdict import check_notes
+from ...words.plan_words import check_notes
 from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..output.html import Turnable, html
 from ..run.parameter_section import legend, reasons

@@ -9,8 +9,7 @@ from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.geometry_words import worth_sentence
-from ...words.judgement import verdict_words
-from ...words.message import judged, message
+from ...words.message import message, verdict_words
 from ...words.wording import counted, ended, label, listed, sentence, shown
 from ..style.blocks import (
     Block,
@@ -48,9 +47,10 @@ if TYPE_CHECKING:
 
 def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Section | None] = ()) -> Page:
     """A page on a result, whose message stands first."""
-    verdict = Verdict(judged(result).grade, "", "")
+    content = message(result)
+    verdict = Verdict(content.grade or "held", "", "")
     present = [section for section in sections if section is not None]
-    return Page(title, subtitle, verdict, [], present, message=message(result))
+    return Page(title, subtitle, verdict, [], present, message=content)
 
 
 def brief_page(result: Result) -> Page:
@@ -144,7 +144,7 @@ def side_by_side(titles: Sequence[str], results: Sequence[Result]) -> Table:
         )
         for name in dict.fromkeys(estimated)
     ]
-    table.append(row_of("verdict", *(verdict_words(result.verdict, judged(result)) for result in results)))
+    table.append(row_of("verdict", *(verdict_words(result.verdict, message(result)) for result in results)))
     columns = ["", *titles]
     return table_of("Offsets and tool: estimate ± U (k = 2), and the true value", columns, table, "l")
 

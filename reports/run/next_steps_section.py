@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ...analysis.answer.result import Result
-from ...words.message import message
-from ...words.next_steps import next_steps
+from ...words.message import message, next_steps
 from ...words.wording import label
 from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...words.message import judged, message
+from ...words.message import message
 from ...words.sentences import to_json
 from ...words.wording import clipped, counted
 from ..output.posterior_file import write_posterior
@@ -39,6 +39,7 @@ from .workspace import workspace_picture, workspace_section
 
 def report_page(result: Result) -> Page:
     """All that a report shows."""
+    content = message(result)
     inputs, wrong = result.inputs, result.misfit is not None  # what follows from a wrong model is not shown
     sections = [
         diagnosis_section(result),
@@ -67,11 +68,11 @@ def report_page(result: Result) -> Page:
     return Page(
         f"Joint offsets of {clipped(inputs.robot)}",
         f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
-        Verdict(judged(result).grade, "", ""),
+        Verdict(content.grade or "held", "", ""),
         [],
         [section for section in sections if section is not None],
         head_facts(result),
-        message(result),
+        content,
     )
 
 

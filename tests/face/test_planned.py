@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import zerobeam as zb
-from zerobeam.words.plan_message import plan_message
+from zerobeam.words.message import message
 from zerobeam.words.sentences import to_json
 
 HEADER = {
@@ -73,10 +73,10 @@ def test_a_degenerate_plan_has_no_number_where_there_is_none() -> None:
 def test_a_check_says_it_all_and_what_to_change(best: zb.OptimalPlan) -> None:
     """The message of the command, whole; of a pass that nothing needs to change."""
     found = zb.check(in_a_row())
-    message = plan_message(found)
+    content = message(found)
     for shown in (" ".join(repr(found).split()), re.sub(r"<[^>]+>", "", found._repr_html_())):
         assert "…" not in shown
-        for sentence in (message.verdict, message.cause, message.action.text):
+        for sentence in (content.verdict, content.cause, content.action.text):
             assert " ".join(sentence.split()) in " ".join(shown.split())
     assert "predicted u: J2 (δ2) not determined →" in " ".join(repr(found).split())
     assert "To do: Nothing needs to change." in repr(best)

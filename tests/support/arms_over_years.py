@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 from histories import a_result, write_result
 
-from zerobeam.analysis.answer.answer_message import May
+from zerobeam.analysis.answer.answer_message import Action, Message
 from zerobeam.analysis.covariance import OffsetsWithoutPrior
 from zerobeam.experiments.history.arm_drift import arm_drift
 from zerobeam.experiments.history.content import Event, StoredResult
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.reports.history.arm_page import ArmHistory
-from zerobeam.words.judgement import Judgement
 
 FIRST = datetime(2023, 1, 15)
 LOST = "delta3"
@@ -108,7 +107,10 @@ def arm_history(
     if results:
         arm = (results[0].serial, results[0].model)
     when = as_of or (results[-1].measured_at if results else None)
-    drift, passed = arm_drift(arm, results, events, tolerance_mm), Judgement("pass", May(), False)
+    drift, passed = (
+        arm_drift(arm, results, events, tolerance_mm),
+        Message("Pass", None, None, Action("", None), (), grade="pass"),
+    )
     judged = tuple(passed if one.verdict == "pass" else None for one in results)
     return ArmHistory(drift, tuple(results), judged, tuple(events), when)
 

@@ -7,8 +7,8 @@ from zerobeam.analysis.observability.identifiability import Identified
 from zerobeam.analysis.status import Status, Verdict, verdict_of
 from zerobeam.model.likelihood.parameters import Parameter
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.message import determined_because
 from zerobeam.words.observability import reason
-from zerobeam.words.verdict import verdict_sentence
 
 
 def verdict(problem: Problem, identified: Identified) -> Verdict:
@@ -29,4 +29,4 @@ def sentence_of(problem: Problem, identified: Identified) -> str:
     rows = [
         _Row(item, status) for item, status in zip(problem.parameters.items, identified.status, strict=True)
     ]
-    return verdict_sentence(rows, identified.facts.null_space)
+    return determined_because(rows, identified.facts.null_space)

@@ -20,8 +20,7 @@ from zerobeam.words.enter import (
     enter_sentence,
     geometry_sentence,
 )
-from zerobeam.words.message import message
-from zerobeam.words.next_steps import next_steps, offered
+from zerobeam.words.message import message, next_steps, offered
 
 BEFORE, AFTER, LESS = (
     TcpError(3.02, 5.5, (2.9, 3.1)),

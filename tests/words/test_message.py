@@ -35,10 +35,9 @@ from zerobeam.reports.output.terminal import print_page
 from zerobeam.reports.run.brief_page import brief_page
 from zerobeam.reports.run.report import report_page
 from zerobeam.words import numbers
-from zerobeam.words.message import _Case, _case, _message, _plan, judged, message, message_so_far
-from zerobeam.words.next_steps import next_steps
+from zerobeam.words.case import RunCase
+from zerobeam.words.message import _of_run, message, message_so_far, next_steps
 from zerobeam.words.sentences import to_json
-from zerobeam.words.wording import person
 
 GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
 
@@ -98,7 +97,7 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
         "To determine J6 (δ6): measure the laser's mounting and state tool.sigma"
     )
     assert "measured again at the end of a run" in said.cautions[1]
-    assert judged(result).grade == "pass"
+    assert said.grade == "pass"
     assert said.verdict.count("k\u00a0=\u00a02") == 1
     assert said.worst is not None
     assert (said.worst.name, said.worst.value) == (worst.name, 2 * (worst.std or 0.0))
@@ -110,7 +109,7 @@ def test_a_pass_of_no_robot_has_nothing_to_enter() -> None:
     result = analysed("good").result
     said = message(result)
     assert said.verdict.startswith("Simulated: pass. J2 (δ2)")
-    assert judged(result).grade == "held"
+    assert said.grade == "held"
     assert said.action.text.startswith("Enter nothing: no robot was measured")
     assert (said.action.command or "").startswith("zerobeam plan optimal --header good.jsonl --target=")
 
@@ -121,7 +120,7 @@ def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, m
     result = zb.analyse(measured(required={"tcp_mm": tcp_mm}), ess=100).result
     said = message(result)
     assert said.verdict.startswith(f"Pass; the required {tcp_mm:g}\u00a0mm at the TCP {met}. J2 (δ2)")
-    assert judged(result).grade == colour
+    assert said.grade == colour
     assert ("do not release" in said.action.text) == (met == "is not met")
     assert result.entered is not None
     assert result.entered.tcp_after is not None
@@ -270,7 +269,7 @@ def printed(found: zb.Analysed) -> str:
 )
 def test_a_plan_is_suggested_by_a_command_that_is_taken(header: dict, command: str | None) -> None:
     """Of several instruments nobody has said how many measurements each makes."""
-    case = _Case(
+    case = RunCase(
         verdict="pass",
         stopped=None,
         parameters=(),
@@ -278,10 +277,11 @@ def test_a_plan_is_suggested_by_a_command_that_is_taken(header: dict, command: s
         misfit=None,
         k=2.0,
         findings=(),
+        power=(),
         run="run.jsonl",
         header=header,
     )
-    suggested = _plan(case)
+    suggested = case.plan
     assert suggested is None if command is None else f"zerobeam plan optimal {command} plan.yaml" == suggested
 
 
@@ -292,12 +292,12 @@ def test_a_misfit_names_held_offsets_but_the_last_of_a_free_tool(
     held: int, calibrated: bool, named: bool
 ) -> None:
     """The tool takes that one up, so that holding it spoils nothing."""
-    case = _case(analysed("swapped").result)
+    case = RunCase.of_result(analysed("swapped").result)
     by_header: dict[str, Any] = {"status": "held", "cause": Held("header"), "estimate": 0.0}
     by_header |= dict.fromkeys(("std", "data_std", "interval95", "midpoint", "tolerance_share"))
     rows = [replace(row, **by_header) if row.name == f"delta{held}" else row for row in case.parameters]
     tool = {**cast("dict[str, object]", case.header["tool"]), "calibrated": calibrated}
-    shown = _message(replace(case, parameters=rows, header={**case.header, "tool": tool}), person)
+    shown = _of_run(replace(case, parameters=rows, header={**case.header, "tool": tool}))
     assert (f"J{held} (δ{held}) is held, not estimated" in (shown.cause or "")) == named
     assert (f"Estimate J{held} (δ{held}) too" in shown.action.text) == named
 

@@ -81,7 +81,7 @@ export function usePlanKeys() {
 export function PlanMessage() {
   const found = answer.value;
   if (!found?.message) return null;
-  return html`<${Message} verdict=${found.verdict === "violated" ? "misfit" : found.verdict} message=${found.message} action=${found.action} pending=${pending.value} />`;
+  return html`<${Message} verdict=${found.verdict} message=${found.message} action=${found.action} pending=${pending.value} />`;
 }
 
 /** The arm, its targets and obstacles, to be moved. @param {{caption?: string}} props */

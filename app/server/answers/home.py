@@ -21,9 +21,9 @@ from ....model.instruments.registry import kinds_of
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import validate
 from ....model.records import if_any, it, record
-from ....words.brief import due_words, planned_words, recorded_words, result_tone, result_words, simulated
+from ....words.message import read_message, result_words
 from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_simulated
-from ....words.wording import clipped
+from ....words.wording import clipped, counted
 from ..folder import Folder, KindOfFile
 from ..kept import Kept
 from ..requests import end_point
@@ -206,9 +206,9 @@ def _with_due_dates(calibrations: list[Calibration], databases: list[Path]) -> l
 
 def _due(due: DueDate) -> CalibrationDue:
     date = f"{due.date:%Y-%m-%d}"
-    return CalibrationDue(
-        date=date, overdue=due.overdue, text=due_words(date, due.reason, overdue=due.overdue)
-    )
+    text = f"Calibration due since {date}" if due.overdue else f"Next calibration due on {date}"
+    text = f"{text}: {due.reason}" if due.reason else text
+    return CalibrationDue(date=date, overdue=due.overdue, text=text)
 
 
 def _by_calibration(reading: _Reading, files: list[KindOfFile]) -> dict[str, list[KindOfFile]]:
@@ -266,7 +266,8 @@ def _calibration(reading: _Reading, name: str, files: list[KindOfFile]) -> tuple
         files=CalibrationFiles(**paths),
         state=state,
         due=None,
-        simulated=any(simulated(one) for one in results) or any(one.simulated for one in facts),
+        simulated=any(is_simulated(one.inputs.provenance) for one in results)
+        or any(one.simulated for one in facts),
         modified=files[0].modified,
     )
     return calibration, any(isinstance(one, _Unread) and one.later for one in parts)
@@ -293,17 +294,23 @@ def _state(
         text = facts.why if facts.later else f"{PurePosixPath(file).name}: {facts.why}"
         return CalibrationState(kind=state, text=text, file=file)
     if isinstance(facts, Result):
-        verdict = facts.verdict
-        return CalibrationState(kind=result_tone(facts), text=result_words(facts), verdict=verdict, file=file)
+        return CalibrationState(
+            kind=read_message(facts).grade or "held",
+            text=result_words(facts),
+            verdict=facts.verdict,
+            file=file,
+        )
     if kind == "header":
         return CalibrationState(kind="empty", text="no plan yet", file=file)
     if kind == "plan":
-        return CalibrationState(kind="planned", text=planned_words(facts.count), of=facts.count, file=file)
+        return CalibrationState(
+            kind="planned", text=f"planned: {counted(facts.count, 'measurement')}", of=facts.count, file=file
+        )
     recorded, of = len(facts.shots), _planned(reading, facts, paths["plan"], parts)
     under_way = of is not None and not facts.shots >= set(range(of)) and not reading.runs.ended(file)
     return CalibrationState(
         kind="measuring" if under_way else "measured",
-        text=recorded_words(recorded, of, under_way=under_way),
+        text=f"measured {recorded} of {of}" if under_way else f"measured: {counted(recorded, 'measurement')}",
         recorded=recorded,
         of=of,
         file=file,

@@ -30,9 +30,9 @@ from ....model.records import if_any, it, record
 from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameter_section import worth_column
 from ....words.geometry_words import check_lines
+from ....words.message import message as message_of
 from ....words.observability import advice_sentence, over_target_sentence
-from ....words.plan_message import plan_message
-from ....words.verdict import violation_words
+from ....words.plan_words import violation_words
 from ..folder import Folder
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import Versioned, replacing, version_of, version_of_sum
@@ -242,7 +242,7 @@ def check(
         if obstacles is not None:
             aimed = _among(aimed, obstacles)
         checked = check_plan(aimed.plan, aimed)
-        message = plan_message(checked)
+        message = message_of(checked)
         offered = action_of_plan(checked, message.action)
         answer = CheckAnswer(**vars(checked), message=message, action=offered)
         if scene:

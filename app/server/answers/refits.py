@@ -20,7 +20,7 @@ from ....model.files.run import Run, read_run
 from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
 from ....model.records import it
-from ....words.message import solution_headline
+from ....words.message import headline
 from ....words.misfit_words import criterion_sentence
 from ....words.sentences import to_json
 from ..folder import Folder
@@ -102,7 +102,7 @@ def refit(
         "of": fitted_run.problem.shots,
         "verdict": solution.verdict,
         "verdict_before": whole.verdict,
-        "headline": solution_headline(solution),
+        "headline": headline(solution),
         "coverage_factor": solution.coverage_factor,
         "parameters": offsets,
         "lost": lost,

@@ -14,7 +14,7 @@ from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
 from ....model.records import if_any, it, record
 from ....reports.run.inputs import origin_of
-from ....words.brief import result_tone, result_words
+from ....words.message import read_message, result_words
 from ....words.wording import clipped
 from ..folder import Folder
 from ..kept import Kept
@@ -129,7 +129,7 @@ def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
     brief = BriefResult(
         file=name,
         verdict=result.verdict,
-        grade=result_tone(result),
+        grade=read_message(result).grade,
         words=result_words(result),
         offsets=offsets,
     )

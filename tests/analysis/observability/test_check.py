@@ -11,9 +11,10 @@ from zerobeam.analysis.observability.check import Check, check
 from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.likelihood import constraint, kernel
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.message import headline
 from zerobeam.words.observability import reason
+from zerobeam.words.plan_words import check_notes
 from zerobeam.words.sentences import to_json
-from zerobeam.words.verdict import check_headline, check_notes
 
 
 def rows(answer):
@@ -23,7 +24,7 @@ def rows(answer):
 def test_a_good_plan():
     answer = check(good_plan())
     assert answer.verdict == "pass"
-    assert check_headline(answer) == (
+    assert headline(answer) == (
         "delta2, delta3, delta4 and delta5 are identified. delta6 is as good as the laser's mounting: that it"
         " is exactly as stated is assumed, not measured."
     )

@@ -41,9 +41,8 @@ from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.plan_file import StatedConstraints
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.message import message_so_far
+from zerobeam.words.message import message, message_so_far
 from zerobeam.words.observability import direction_remedy, outlook_lines, reason
-from zerobeam.words.plan_message import plan_message
 from zerobeam.words.sentences import to_json
 
 ORDER = np.random.default_rng(0).permutation(7)
@@ -187,7 +186,7 @@ def texts(answer: Check | Solution) -> str:
     """All that is said of why and what to do."""
     null_space = null_space_of(answer)
     if isinstance(answer, Check):
-        said = plan_message(answer)
+        said = message(answer)
     else:
         said = message_so_far(answer, "run.jsonl", header(geometry=None))
     lines = [said.cause or "", said.action.text]

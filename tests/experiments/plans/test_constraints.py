@@ -22,7 +22,7 @@ from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
 from zerobeam.model.files.plan_file import UNCONSTRAINED, Box, Obstacles, StatedConstraints
-from zerobeam.words.verdict import check_headline
+from zerobeam.words.message import headline
 
 TARGET = (900.0, 0.0, 0.0)
 
@@ -214,7 +214,7 @@ def test_a_posture_that_cannot_see_its_target_is_no_measurement(made: Path, tmp_
         found = check_plan(read_plan(edited(made, tmp_path, stated)))
         assert found.verdict == "violated"
         if all(posture.violations for posture in found.postures):
-            assert "No posture gives a measurement" in check_headline(found)
+            assert "No posture gives a measurement" in headline(found)
 
 
 def test_without_constraints_nothing_is_judged(made: Path, tmp_path: Path) -> None:

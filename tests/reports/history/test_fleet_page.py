@@ -13,7 +13,7 @@ import pytest
 from arms_over_years import FIRST, arm_history, over_years
 from pages import Page
 
-from zerobeam.analysis.answer.answer_message import May
+from zerobeam.analysis.answer.answer_message import Action, May, Message
 from zerobeam.experiments.history.arm_drift import NOT_SOON, Due
 from zerobeam.experiments.history.documents import STATES, ArmState, State
 from zerobeam.experiments.history.fleet_drift import fleet_drift
@@ -32,10 +32,9 @@ from zerobeam.reports.history.fleet_page import (
 from zerobeam.reports.history.history_folder import write_arm, write_fleet
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
-from zerobeam.words.judgement import Judgement
 
 AS_OF = datetime(2026, 4, 15)
-PASSED = Judgement("pass", May(True, True, True), False)
+PASSED = Message("Pass", None, None, Action("", None), (), grade="pass", may=May(True, True, True))
 Arm = tuple[str, str]
 
 

@@ -1,0 +1,731 @@
+"""All findings, an entry each, from the gravest down: how grave it is, what it says, what to do, what it
+silences. `message.py` chooses by the two tables at the end (`RUN`, `PLAN`) and by nothing else.
+
+A finding is data of `analysis`, or what a function here finds in an answer.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
+
+from ..analysis.answer.answer_message import Action, Grade, May
+from ..analysis.answer.findings import (
+    FileWarning,
+    HeldOutMisfit,
+    NoPosterior,
+    NotConverged,
+    OtherBasins,
+    Outlying,
+    PoorCurvature,
+    RobustNotConverged,
+)
+from ..analysis.answer.result import Result
+from ..analysis.diagnostics.diagnosis import Explanation, undecided
+from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.displacement import Displacement
+from ..analysis.misfit import (
+    BeyondPrior,
+    ExactDoubted,
+    ImplausibleNoise,
+    LackOfFit,
+    NominalContradicted,
+    PlacementsDisagree,
+)
+from ..analysis.observability.causes import (
+    AsGoodAs,
+    BaseFrame,
+    Held,
+    NoiseSplit,
+    NullDirection,
+    OnAxis,
+    ToolRotation,
+    worst_direction,
+)
+from ..analysis.observability.changes import ChangeAt, RunChange
+from ..analysis.observability.check import (
+    Check,
+    CheckedParameter,
+    OutsideLimits,
+    PlanVerdict,
+    TargetBehind,
+    Unreachable,
+    Violation,
+)
+from ..analysis.recordings.steps import RecordingStep
+from ..analysis.status import Status, known
+from ..analysis.tight_priors import TightPrior
+from ..model.files.run import in_no_file
+from ..model.instruments.kind import Assumption
+from . import numbers
+from .case import RunCase
+from .controllers import export_command, export_sentence, lacks_factory_calibration, taken_by
+from .enter import conformity_sentence, expected_sentence
+from .finding_words import finding_sentence, likelihood_message
+from .geometry_words import by_tolerances, confounded_sentence, worth_sentence
+from .misfit_causes import CAUSES, by_another_run, mend
+from .misfit_words import cause_sentence, larger_tolerance, measurements, step_sentence
+from .observability import (
+    assumed_steps,
+    condition,
+    direction_remedy,
+    over_target_sentence,
+    power_sentences,
+    reason,
+    stating,
+    unnoticed_sentence,
+)
+from .plan_words import plan_sentence, violation_sentence, violation_words
+from .wording import Namer, are, capital, clipped, listed, person
+
+# `stop`: no value of the answer is relied on. `doubt`: none is entered yet. `note`: it is said.
+Gravity = Literal["stop", "doubt", "note"]
+Standing = Literal["cause or caution", "cause", "caution", "before the cause", "nowhere"]
+About = Literal["model", "measurements", "values", "file"]
+
+
+class _Answer(Protocol):
+    @property
+    def findings(self) -> Sequence[object]: ...
+
+
+A = TypeVar("A", bound=_Answer)
+
+
+@dataclass(frozen=True)
+class FindingEntry(Generic[A]):
+    """`finding` is its type, or a name for what `found` finds in an answer.
+
+    `sentence`, `remedy` and `command` are made of a finding and the answer that has it. Without `sentence` a
+    text says itself, what has a type as everywhere, and all else nothing. The sentence of a note is a
+    caution; of what is graver it is the cause of an answer that has nothing graver yet, else a caution;
+    `place` is another place. `silences` is what nothing is said about beside it, `colour` the grade of a pass
+    that has it first.
+    """
+
+    finding: type | str
+    grade: Gravity
+    sentence: Callable[[Any, A], str | None] | None = None
+    remedy: Callable[[Any, A], str] | None = None
+    command: Callable[[Any, A], str | None] | None = None
+    place: Standing | None = None
+    about: About = "values"
+    silences: frozenset[About] = frozenset()
+    colour: Grade | None = None
+    found: Callable[[A], Iterable[Any]] | None = None
+
+    def of(self, answer: A) -> Iterable[Any]:
+        """The findings of an answer that this is the entry of."""
+        if self.found is not None:
+            return self.found(answer)
+        return (one for one in answer.findings if type(one) is self.finding)
+
+
+class FindingRow(NamedTuple):
+    """A finding of an answer with its entry."""
+
+    entry: FindingEntry[Any]
+    finding: Any
+
+    @property
+    def stands(self) -> Standing:
+        return self.entry.place or ("caution" if self.entry.grade == "note" else "cause or caution")
+
+    def sentence(self, answer: Any) -> str | None:
+        """What is said of it, without a full stop at its end."""
+        if self.entry.sentence is not None:
+            return self.entry.sentence(self.finding, answer)
+        if isinstance(self.finding, str):
+            return self.finding
+        return None if isinstance(self.entry.finding, str) else finding_sentence(self.finding, answer.name)
+
+    def action(self, answer: Any) -> Action | None:
+        """What to do about it, and the command that does it."""
+        entry = self.entry
+        if entry.remedy is None:
+            return None
+        command = None if entry.command is None else entry.command(self.finding, answer)
+        return Action(entry.remedy(self.finding, answer), command)
+
+
+def rows_of(answer: A, table: Sequence[FindingEntry[A]]) -> list[FindingRow]:
+    """What is found in an answer, in the order of the table, without what is silenced."""
+    rows = [FindingRow(entry, one) for entry in table for one in entry.of(answer)]
+    silent = frozenset[About]().union(*(row.entry.silences for row in rows))
+    return [row for row in rows if row.entry.about not in silent]
+
+
+def graded(rows: Sequence[FindingRow], verdict: PlanVerdict) -> tuple[Grade, May]:
+    """How an answer with these findings is coloured, and what may be done with it."""
+    grades = {row.entry.grade for row in rows}
+    colour: Grade = next((row.entry.colour for row in rows if row.entry.colour), "pass")
+    certain = "stop" not in grades
+    may = May(enter=grades <= {"note"}, certify=certain, export=certain)
+    return (colour if verdict == "pass" or verdict == "violated" else verdict), may
+
+
+@dataclass(frozen=True)
+class SaidToEnterNothing:
+    """A result of an earlier version says that nothing is to be entered, and not why."""
+
+
+def against(findings: Iterable[object]) -> FindingRow | None:
+    """The gravest of the findings that speak against values although the model describes the measurements,
+    with its entry; None where nothing does."""
+    every = tuple(findings)
+    stops = [entry for entry in RUN if entry.grade == "stop" and entry.about != "model"]
+    return next(
+        (FindingRow(entry, one) for entry in stops for one in every if type(one) is entry.finding), None
+    )
+
+
+# Of a run's model
+
+
+_MOST_NAMED = 2  # causes between which the measurements do not decide
+_ESTIMATE_LINKS = (
+    "Remove geometry: exact from the header, so that the links are estimated, and analyse again."
+)
+
+
+def _again(finding: object, case: RunCase) -> str:
+    return case.again
+
+
+def _plan(finding: object, case: RunCase) -> str | None:
+    return case.plan
+
+
+def _always(text: str) -> Callable[[Any, Any], str]:
+    """A sentence or a remedy that is the same of every answer."""
+    return lambda finding, answer: text
+
+
+def _held(case: RunCase) -> Iterator[list[str]]:
+    if case.misfit is not None and case.held:
+        yield case.held
+
+
+def _held_sentence(names: list[str], case: RunCase) -> str:
+    return f"{are(names, case.name)} held, not estimated: that alone can cause a misfit."
+
+
+def _after_held(mended: Callable[[Any, RunCase], str]) -> Callable[[Any, RunCase], str]:
+    """What mends a model; offsets that the header holds are to be estimated first."""
+
+    def remedy(finding: Any, case: RunCase) -> str:
+        named = [listed(list(map(person, names))) for names in _held(case)]
+        first = "".join(f"Estimate {names} too. If the misfit stays: " for names in named)
+        return f"Enter nothing. {first}{mended(finding, case)}"
+
+    return remedy
+
+
+def _diagnosed(case: RunCase) -> Iterator[Sequence[Explanation]]:
+    if not case.sound and case.diagnosis:
+        yield case.diagnosis
+
+
+def _likely(diagnosis: Sequence[Explanation]) -> Sequence[Explanation]:
+    """The explanations whose remedies are said: the best, or those between which nothing decides."""
+    return undecided(diagnosis)[:_MOST_NAMED] or diagnosis[:1]
+
+
+def _mend_causes(diagnosis: Sequence[Explanation], case: RunCase) -> str:
+    first, *others = _likely(diagnosis)
+    if not others:
+        return mend(first)
+    return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in (first, *others))
+
+
+def _analyse_mended(diagnosis: Sequence[Explanation], case: RunCase) -> str | None:
+    if all(map(by_another_run, _likely(diagnosis))):
+        return None
+    dropped = diagnosis[0].cause == "measurements" and not in_no_file(case.run)
+    return case.again + (f" --drop {','.join(map(str, diagnosis[0].measurements))}" if dropped else "")
+
+
+def _look(criterion: object, case: RunCase) -> str:
+    if case.diagnosis is None:
+        return "Analyse the run: that says what could be wrong."
+    return "Check joint columns, signs, units, targets and geometry, then measure again."
+
+
+def _criterion(
+    kind: type, mended: Callable[[Any, RunCase], str] = _look, **more: Any
+) -> FindingEntry[RunCase]:
+    """A criterion of a misfit: the cause where there is no diagnosis."""
+    usual: dict[str, Any] = {"place": "cause", "command": _again, "silences": frozenset({"values"})}
+    return FindingEntry(kind, "stop", remedy=_after_held(mended), about="model", **(usual | more))
+
+
+def _lack_of_fit(misfit: LackOfFit, case: RunCase) -> str:
+    text = finding_sentence(misfit, case.name).removeprefix("Lack of fit: ")
+    return text if case.diagnosis is None else f"{text}. No cause that was tried explains it"
+
+
+def _moved(kind: type[Displacement] | type[RecordingStep]) -> Callable[[RunCase], Iterator[Any]]:
+    """The targets that moved, but for those that the diagnosis names."""
+
+    def find(case: RunCase) -> Iterator[Any]:
+        best = case.diagnosis[0] if case.diagnosis else None
+        named = best.targets if best is not None and best.cause == "moved_target" else ()
+        yield from (one for one in case.findings if isinstance(one, kind) and one.target not in named)
+
+    return find
+
+
+def _analyse_apart(moved: Displacement, case: RunCase) -> str:
+    target = clipped(moved.target)
+    if moved.station:
+        return (
+            f"Record the run again with {target} and the arm's base fixed, or analyse the measurements up to"
+            f" {moved.after_shot} and those from {moved.before_shot} on each alone."
+        )
+    return (
+        f"Give {target} another name in the measurements from {moved.before_shot} on, or record the run"
+        " again."
+    )
+
+
+def _record_again(step: RecordingStep, case: RunCase) -> str:
+    fixed = f"{clipped(step.target)} and the arm's base" if step.station else "the target"
+    return (
+        f"Remove {measurements(step.first_shot, step.last_shot)} of {clipped(step.target)} from the run, or"
+        f" record them again with {fixed} fixed."
+    )
+
+
+def _look_for_change(change: RunChange, case: RunCase) -> str:
+    what = dict.fromkeys(map(_changed, (change, *change.elsewhere[: _MOST_NAMED - 1])))
+    return f"Look for what changed {' or '.join(what)} during the run, and record the run again."
+
+
+def _changed(at: ChangeAt) -> str:
+    return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
+
+
+# Of a run's values
+
+
+_MOST_STEPS = 2  # that are no misfit
+_IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
+
+
+def _placement_off(placement: HoldOut, case: RunCase) -> str:
+    residual, expected = (
+        numbers.or_words(value, "unknown", "mm") for value in (placement.rms_mm, placement.expected_mm)
+    )
+    return (
+        f"Placement {clipped(placement.placements[0])} does not agree with the others: by their offsets its"
+        f" residuals are {residual} rms, {expected} expected"
+    )
+
+
+def _check_placement(placement: HoldOut, case: RunCase) -> str:
+    name = clipped(placement.placements[0])
+    return f"Check placement {name} before you enter anything: measure there again."
+
+
+def _look_at_held_out(misfit: HeldOutMisfit, case: RunCase) -> str:
+    where = "at the held-out target" if misfit.run is None else "in the held-out run"
+    return f"Enter nothing yet: look for what differs {where}."
+
+
+def _if(holds: Callable[[A], bool]) -> Callable[[A], Iterator[A]]:
+    """A finding that an answer as a whole is."""
+    return lambda answer: iter((answer,) if holds(answer) else ())
+
+
+class Open(NamedTuple):
+    """The least well determined offset of a status, and the direction that the measurements leave open."""
+
+    row: Any
+    direction: NullDirection
+
+
+def _open(rows: Iterable[Any], null_space: Sequence[NullDirection], status: Status) -> Iterator[Open]:
+    if of_status := [row for row in rows if row.status == status]:
+        row = max(of_status, key=lambda row: row.std or 0.0)
+        yield Open(row, worst_direction(null_space, row.name))
+
+
+def _why_open(one: Open, name: Namer) -> str:
+    cause = one.direction.cause
+    return by_tolerances(cause, one.row.tolerance_share) or reason(cause, name)
+
+
+def _determine(one: Open, case: RunCase) -> str:
+    return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
+
+
+def _plan_or_again(one: Open, case: RunCase) -> str | None:
+    return case.again if isinstance(one.direction.cause, _IN_THE_HEADER) else case.plan
+
+
+def _assumed(rows: Iterable[Any]) -> list[tuple[Assumption, ...]]:
+    """What each offset rests on that nobody stated or measured."""
+    causes = (row.cause for row in rows if row.status == "assumed")
+    return [cause.of for cause in causes if isinstance(cause, AsGoodAs)]
+
+
+def _assumed_alone(case: RunCase) -> Iterator[list[Assumption]]:
+    assumed = list(dict.fromkeys(one for of in _assumed(case.offsets) for one in of))
+    if case.verdict != "pass" and assumed:
+        yield assumed
+
+
+def _state(assumed: list[Assumption], case: RunCase) -> str:
+    return f"Enter nothing yet: {stating(assumed)}, or record more measurements, in varied postures."
+
+
+def _nominal_arm(case: RunCase) -> bool:
+    return lacks_factory_calibration(case.vendor, case.header.get("robot"))
+
+
+def _import_calibration(nominal: object, case: RunCase) -> str:
+    robot = case.header.get("robot")
+    return f"zerobeam import ur-calibration calibration.conf --robot {robot} -o my-{robot}.yaml"
+
+
+def _export(finding: object, case: RunCase) -> str:
+    text, conformity = export_sentence(case.vendor), case.conformity
+    if conformity is None or conformity.decision == "conforms":
+        return text
+    values = "values are" if taken_by(case.vendor) == "offsets" else "offsets alone are"
+    return f"{text} The {values} not enough for the requirement: do not release the robot with them."
+
+
+def _export_command(finding: object, case: RunCase) -> str:
+    command, file = export_command(case.vendor)
+    return f"zerobeam {command} {case.argument} -o {file}"
+
+
+def _expected(case: RunCase) -> Iterator[str]:
+    after = None if case.result is None or case.result.entered is None else case.result.entered.tcp_after
+    if case.conformity is not None and after is not None:
+        yield expected_sentence(case.conformity, after)
+
+
+def _conditions(case: RunCase) -> Iterable[str]:
+    return _some(condition(case.power)) if case.verdict == "pass" else ()
+
+
+def _sentences(made: Callable[[Result, RunCase], Iterable[str]]) -> Callable[[RunCase], Iterator[str]]:
+    """Sentences that are made of a whole answer."""
+
+    def find(case: RunCase) -> Iterator[str]:
+        if case.sound and case.result is not None:
+            yield from made(case.result, case)
+
+    return find
+
+
+def _slips(result: Result, case: RunCase) -> Iterable[str]:
+    return map(step_sentence, result.placements.steps.rows[:_MOST_STEPS])
+
+
+def _unchecked(result: Result, case: RunCase) -> Iterable[str]:
+    return map(capital, _some(likelihood_message(result.likelihood)))
+
+
+def _unnoticed(result: Result, case: RunCase) -> Iterable[str]:
+    return _some(unnoticed_sentence(case.power)) if case.verdict == "pass" else ()
+
+
+def _unjudged(result: Result, case: RunCase) -> Iterable[str]:
+    judged = "required" not in result.inputs.header or case.conformity is not None
+    return () if judged else (conformity_sentence(result),)
+
+
+def _worth(result: Result, case: RunCase) -> Iterable[str]:
+    """What the offsets are worth with the geometry taken otherwise, or why they are known no better."""
+    offsets = [row for row in case.offsets if row.std is not None and row.status != "assumed"]
+    if not offsets:
+        return ()
+    if result.geometry.tolerance is None:
+        return _some(worth_sentence(result.geometry, offsets, result.coverage_factor))
+    worst = max(offsets, key=lambda row: row.std or 0.0)
+    share = worst.tolerance_share
+    return _some(confounded_sentence(result.geometry, worst.name, share, person))
+
+
+# Of plans
+
+
+def estimated(check: Check) -> list[CheckedParameter]:
+    """The offsets that a run of the plan estimates."""
+    return [row for row in check.parameters if row.group == "offset" and not row.held]
+
+
+def _open_in(status: Status) -> Callable[[Check], Iterator[Open]]:
+    return lambda check: _open(estimated(check), check.identifiability.null_space, status)
+
+
+def _why_open_in(one: Open, check: Check) -> str:
+    return f"{person(one.row.name)}: {_why_open(one, person)}"
+
+
+def _change_plan(one: Open, check: Check) -> str:
+    return capital(direction_remedy(one.direction, person))
+
+
+def _change_postures(first: Violation, check: Check) -> str:
+    broken = sorted({each.posture for each in check.violations})
+    noun = "posture" if len(broken) == 1 else "postures"
+    arm_alone = all(each.condition == "arm" for each in check.violations)
+    return (
+        f"Change or remove {noun} {listed([str(i) for i in broken])} (the plan's first posture is 0)"
+        f"{'' if arm_alone else ', or loosen the constraint'}, or make another plan"
+    )
+
+
+def _made_anew(first: Violation, check: Check) -> str | None:
+    """The command that plans as many measurements by the plan's header; None for several instruments."""
+    if len(check.aimed.plan.header.labels) > 1:
+        return None
+    plan = shlex.quote(check.inputs.plan)
+    return f"zerobeam plan optimal --header {plan} --shots {len(check.postures)} -o new-plan.yaml"
+
+
+def _assumed_in(check: Check) -> Iterator[tuple[Assumption, ...]]:
+    rows = estimated(check)
+    if all(row.status != "identified" for row in rows):
+        yield from _assumed(rows)[:1]
+
+
+def _holds_if(text: str) -> Callable[[str, object], str]:
+    return lambda subject_to, answer: f"{text} holds if {subject_to}"
+
+
+def _some(text: str | None) -> Iterable[str]:
+    return () if text is None else (text,)
+
+
+# The tables
+
+_VALUES: frozenset[About] = frozenset({"values"})
+
+# Of a run. What speaks against the model comes first, and silences what follows from the model.
+RUN: tuple[FindingEntry[RunCase], ...] = (
+    FindingEntry(
+        "held offsets", "stop", _held_sentence, place="before the cause", about="model", found=_held
+    ),
+    FindingEntry(
+        "a diagnosis",
+        "stop",
+        lambda diagnosis, case: cause_sentence(diagnosis),
+        _after_held(_mend_causes),
+        _analyse_mended,
+        place="cause",
+        about="model",
+        silences=frozenset({"values", "measurements"}),
+        found=_diagnosed,
+    ),
+    FindingEntry(
+        NotConverged,
+        "stop",
+        remedy=_always(
+            "Enter nothing: look for a wrong measurement, or state a better guess of target and tool."
+        ),
+        command=_again,
+        place="nowhere",  # the verdict says it
+        about="model",
+        silences=_VALUES,
+        found=lambda case: map(NotConverged, _some(case.stopped)),
+    ),
+    _criterion(NominalContradicted, _always(_ESTIMATE_LINKS)),
+    _criterion(Displacement, _analyse_apart, place="cause or caution", found=_moved(Displacement)),
+    _criterion(RecordingStep, _record_again, place="cause or caution", found=_moved(RecordingStep)),
+    _criterion(TightPrior, lambda prior, case: larger_tolerance(prior)),
+    _criterion(LackOfFit, sentence=_lack_of_fit),
+    _criterion(ImplausibleNoise),
+    _criterion(BeyondPrior),
+    _criterion(PlacementsDisagree, place="cause or caution"),
+    _criterion(RunChange, _look_for_change),
+    # What speaks against the values, whatever the verdict.
+    FindingEntry(
+        OtherBasins,
+        "stop",
+        remedy=_always("Enter nothing: record more measurements, in varied postures."),
+        command=_plan,
+        colour="weak",
+    ),
+    FindingEntry(
+        ExactDoubted,
+        "stop",
+        remedy=_always(f"Enter nothing yet. {_ESTIMATE_LINKS}"),
+        command=_again,
+        colour="weak",
+    ),
+    FindingEntry(HeldOutMisfit, "stop", remedy=_look_at_held_out, command=_again, colour="weak"),
+    FindingEntry(
+        Outlying,
+        "stop",
+        remedy=_always("Check these measurements before you enter anything: remove them, or repeat them."),
+        command=_again,
+        about="measurements",
+        colour="weak",
+    ),
+    FindingEntry(HoldOut, "stop", _placement_off, _check_placement, _again, colour="weak"),
+    FindingEntry(SaidToEnterNothing, "stop", place="nowhere", colour="weak"),
+    # What the measurements do not determine.
+    FindingEntry(
+        "nothing is determined",
+        "stop",
+        found=_if(lambda case: bool(case.offsets) and not any(known(row.status) for row in case.offsets)),
+    ),
+    FindingEntry(
+        "an unidentifiable offset",
+        "doubt",
+        lambda one, case: _why_open(one, case.name),
+        _determine,
+        _plan_or_again,
+        place="cause",
+        found=lambda case: _open(case.offsets, case.null_space, "unidentifiable"),
+    ),
+    FindingEntry(
+        "a weak offset",
+        "doubt",
+        lambda one, case: f"{case.name(one.row.name)}: {_why_open(one, case.name)}",
+        _determine,
+        _plan_or_again,
+        place="cause",
+        found=lambda case: _open(case.offsets, case.null_space, "weak"),
+    ),
+    FindingEntry("assumed offsets alone", "doubt", None, _state, _again, found=_assumed_alone),
+    FindingEntry(
+        "no pass",
+        "doubt",
+        remedy=_always("Enter nothing yet: record more measurements, in varied postures."),
+        command=_plan,
+        found=_if(lambda case: case.verdict != "pass"),
+    ),
+    # Of a pass: why nothing is entered all the same, what it is subject to.
+    FindingEntry(
+        "no offset is estimated",
+        "stop",
+        remedy=_always("Enter nothing: no offset is estimated."),
+        colour="held",
+        found=_if(lambda case: not case.offsets),
+    ),
+    FindingEntry(
+        "no robot was measured",
+        "doubt",
+        remedy=_always(
+            "Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan."
+        ),
+        command=_plan,
+        colour="held",
+        found=_if(lambda case: case.simulated),
+    ),
+    FindingEntry(
+        "no factory calibration",
+        "doubt",
+        remedy=_always(
+            "Enter nothing yet: the controller computes with the arm's factory calibration, and this run was"
+            " analysed with the nominal arm, so that the values would apply that calibration twice. Make a"
+            " robot file of it, name it as robot of the run, and analyse again."
+        ),
+        command=_import_calibration,
+        colour="weak",
+        found=_if(_nominal_arm),
+    ),
+    FindingEntry(
+        "a controller that takes no offsets",
+        "doubt",
+        None,
+        _export,
+        _export_command,
+        found=_if(lambda case: taken_by(case.vendor) != "offsets"),
+    ),
+    FindingEntry(
+        "a requirement that may not be met",  # the verdict says it
+        "note",
+        colour="weak",
+        found=_if(lambda case: case.conformity is not None and case.conformity.decision != "conforms"),
+    ),
+    FindingEntry("the error to expect", "note", place="before the cause", found=_expected),
+    FindingEntry("conditions of a pass", "note", _holds_if("This"), place="cause", found=_conditions),
+    FindingEntry("values to enter", "note", None, _export, _export_command, found=_if(lambda case: True)),
+    # Said besides.
+    FindingEntry("assumed offsets", "note", found=lambda case: assumed_steps(case.offsets, case.name)),
+    FindingEntry(NoPosterior, "note"),
+    FindingEntry(PoorCurvature, "note"),
+    FindingEntry(RobustNotConverged, "note"),
+    FindingEntry("slips within a recording", "note", found=_sentences(_slips)),
+    FindingEntry("a fit that nothing checks", "note", found=_sentences(_unchecked)),
+    FindingEntry("what a pass does not exclude", "note", found=_sentences(_unnoticed)),
+    FindingEntry("a requirement that cannot be judged", "note", found=_sentences(_unjudged)),
+    FindingEntry("what the geometry does", "note", found=_sentences(_worth)),
+    FindingEntry(FileWarning, "note", about="file"),
+)
+
+# Of a plan.
+PLAN: tuple[FindingEntry[Check], ...] = (
+    FindingEntry(
+        "a broken constraint",
+        "stop",
+        lambda first, check: f"posture {first.posture}: {violation_words(first)}",
+        _change_postures,
+        _made_anew,
+        colour="misfit",
+        found=lambda check: check.violations[:1],
+    ),
+    FindingEntry(
+        "more broken constraints",
+        "stop",
+        lambda each, check: violation_sentence(each),
+        place="caution",
+        found=lambda check: check.violations[1:],
+    ),
+    FindingEntry(
+        "an unidentifiable offset",
+        "doubt",
+        _why_open_in,
+        _change_plan,
+        place="cause",
+        found=_open_in("unidentifiable"),
+    ),
+    FindingEntry("a weak offset", "doubt", _why_open_in, _change_plan, place="cause", found=_open_in("weak")),
+    FindingEntry(
+        "assumed offsets alone",
+        "doubt",
+        None,
+        lambda assumed, check: capital(stating(assumed)),
+        found=_assumed_in,
+    ),
+    FindingEntry(
+        "no offset is estimated",
+        "doubt",
+        remedy=_always("Estimate an offset: leave it out of `held`"),
+        found=_if(lambda check: not estimated(check)),
+    ),
+    FindingEntry(
+        "conditions of a pass",
+        "note",
+        _holds_if("a pass of such a run"),
+        place="cause",
+        found=lambda check: _some(condition(check.power)),
+    ),
+    FindingEntry(
+        "a plan as it is",
+        "note",
+        remedy=_always("Nothing needs to change. Measure by this plan"),
+        found=_if(lambda check: True),
+    ),
+    *(
+        FindingEntry(kind, "note", lambda one, check: plan_sentence(one))
+        for kind in (Unreachable, TargetBehind, OutsideLimits)
+    ),
+    FindingEntry("warnings of the file", "note", found=lambda check: check.warnings),
+    FindingEntry("assumed offsets", "note", found=lambda check: assumed_steps(estimated(check), person)),
+    FindingEntry("the target elsewhere", "note", found=lambda check: _some(over_target_sentence(check))),
+    FindingEntry(
+        "what a run may not show",
+        "note",
+        found=lambda check: (text for text in power_sentences(check.power) if "may not detect" in text),
+    ),
+)
