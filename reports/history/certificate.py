@@ -120,6 +120,8 @@ def certificate_json(
 
 
 def _require_certifiable(result: StoredResult, answer: Json, message: Message) -> None:
+    if message.may.certify:
+        return
     of = f"run {result.run}, SHA-256 {result.sha256[:12]}…"
     if result.verdict == "misfit":
         raise BadInput(
@@ -136,14 +138,12 @@ def _require_certifiable(result: StoredResult, answer: Json, message: Message) -
             found=of,
             remedy="measure more postures (zerobeam check says which), or name another result by --run",
         )
-    if not message.may.certify:
-        raise BadInput(
-            "this result is not certified: something speaks against it",
-            found=f"{of}: {answer['message']['verdict']}" if answer.get("message") else of,
-            allowed="a result that nothing speaks against",
-            remedy=(answer.get("message") or {}).get("action", {}).get("text")
-            or "find the cause (zerobeam report), or name another result by --run",
-        )
+    raise BadInput(
+        "this result is not certified: something speaks against it",
+        found=f"{of}: {message.verdict}",
+        allowed="a result that nothing speaks against",
+        remedy=message.action.text or "find the cause (zerobeam report), or name another result by --run",
+    )
 
 
 def _form(header: Json) -> Json:
