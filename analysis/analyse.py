@@ -21,7 +21,6 @@ from .answer.result import (
     FitSummaries,
     Inputs,
     LikelihoodSummary,
-    MidpointSummary,
     Result,
 )
 from .diagnostics.accuracy import accuracy
@@ -206,7 +205,7 @@ def _analyse(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
         identifiability=solution.facts,
-        fits=FitSummaries(_likelihood(solution), _midpoint(midpoint)),
+        fits=FitSummaries(_likelihood(solution), midpoint),
         geometry=geometry,
         posterior=posterior,
         shots=shots,
@@ -278,18 +277,6 @@ def _likelihood(solution: Solution) -> LikelihoodSummary:
         noise_scale=solution.noise_scale if problem.noise.estimated else None,
         noise_known=problem.noise.known,
         other_basins=fit.other_basins,
-    )
-
-
-def _midpoint(fit: MidpointFit) -> MidpointSummary:
-    return MidpointSummary(
-        available=fit.available,
-        converged=fit.converged,
-        reason=fit.reason,
-        iterations=fit.iterations,
-        cost=fit.cost if fit.available else None,
-        rms_mm=fit.rms if fit.available else None,
-        message=fit.message,
     )
 
 

@@ -15,7 +15,7 @@ from ..model.arrays import ByValue, Matrix
 from ..model.errors import BadInput, UnsoundResult, missing_extra
 from ..model.parsing.reading import did_you_mean
 from ..model.records import internal, it, record
-from .status import UNVALIDATED, Status, called, caveat, require_no_more_than
+from .status import UNVALIDATED, Status, caveat, require_no_more_than
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,20 +119,6 @@ def frame(data: Any, **how: Any) -> pd.DataFrame:
     except ImportError:
         raise missing_extra("a DataFrame", "notebook", needed="pandas") from None
     return pd.DataFrame(data, **how)
-
-
-def row_text(name: str, unit: str, status: Status, estimate: float | None, u: float | None) -> str:
-    """A parameter on one line, rounded by its standard uncertainty.
-
-    >>> row_text("delta2", "deg", "identified", -1.2376, 0.0777)
-    '<delta2: -1.238 deg, u 0.078 deg, identified>'
-    """
-    form = "g" if u is None else f".{max(1 - int(f'{u:.1e}'.split('e')[1]), 0)}f"
-    after = "" if unit == "1" else f" {unit}"
-    parts = [
-        f"{label}{value:{form}}{after}" for label, value in (("", estimate), ("u ", u)) if value is not None
-    ]
-    return f"<{name}: {', '.join([*parts, called(status)])}>"
 
 
 def noted(table: pd.DataFrame, units: Mapping[str, str], statuses: Iterable[Status]) -> pd.DataFrame:

@@ -51,7 +51,7 @@ from .recordings.recordings import Effective
 from .recordings.resting import resting_columns
 from .recordings.steps import RecordingSteps, steps
 from .row import ParameterRow
-from .status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, with_misfit
+from .status import Status, Verdict, has_numbers, verdict_of, with_misfit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,6 +66,8 @@ EQUALLY_GOOD = float(np.log(1000.0))
 class ParameterResult(ParameterRow):
     """One row of the answer. `tolerated`: the prior is a tolerance, of the arm or of a calibrated tool; `dof`
     are the effective degrees of freedom of `std`, infinite of known noise."""
+
+    claims = (*ParameterRow.claims, "midpoint", "tolerance_share")
 
     group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
     data_std: Annotated[
@@ -95,20 +97,9 @@ class ParameterResult(ParameterRow):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.held:
-            require_no_more_than(self.name, "held", midpoint=self.midpoint)
-            if self.estimate is None or (self.cause is None and self.reason is None):
-                raise UnsoundResult(
-                    f"{self.name!r} is held without the value that it is held at or the cause"
-                )
-            return
-        require_no_more_than(
-            self.name, self.status, midpoint=self.midpoint, tolerance_share=self.tolerance_share
-        )
-        if has_numbers(self.status) and (
-            self.estimate is None or self.std is None or self.interval95 is None
-        ):
-            raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
+        self.require_whole()
+        if self.held and (self.estimate is None or (self.cause is None and self.reason is None)):
+            raise UnsoundResult(f"{self.name!r} is held without the value that it is held at or the cause")
 
     @property
     def absent(self) -> tuple[str, ...]:

@@ -21,6 +21,8 @@ LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
 UNVALIDATED = "unvalidated: the model does not describe the measurements"
 
 Status = Literal["identified", "weak", "assumed", "unidentifiable", "held", "unvalidated"]
+# Of a run beside others: a prior has a part in it, or it is of a table that states it, or does not.
+RepeatStatus = Status | Literal["prior", "stated", "not stated"]
 Verdict = Literal["pass", "weak", "degenerate", "misfit"]
 
 _VERDICT_OF: dict[Status, Verdict] = {
@@ -39,15 +41,15 @@ _BY_GRAVITY: tuple[Status, ...] = (
 _GRAVITY: dict[Verdict, int] = {"pass": 0, "weak": 1, "degenerate": 2, "misfit": 3}
 
 
-def known(status: Status) -> bool:
+def known(status: RepeatStatus) -> bool:
     """Whether the data determine it, if the model describes them."""
     return status in ("identified", "weak", "unvalidated")
 
 
-def has_numbers(status: Status) -> bool:
+def has_numbers(status: RepeatStatus) -> bool:
     """Whether it has an estimate, a standard uncertainty, an interval: the data determine it, if need be with
-    what is assumed."""
-    return known(status) or status == "assumed"
+    what is assumed, or a table states it."""
+    return known(status) or status in ("assumed", "stated")
 
 
 def called(*status: Status) -> str:
@@ -92,7 +94,7 @@ def as_grave(verdict: Verdict, needed: Verdict) -> bool:
     return _GRAVITY[verdict] >= _GRAVITY[needed]
 
 
-def require_no_more_than(what: str, status: Status | None, **claims: object) -> None:
+def require_no_more_than(what: str, status: RepeatStatus | None, **claims: object) -> None:
     """Raise UnsoundResult unless `claims` (by name, None where nothing is claimed) go with the status.
 
     What the data cannot determine is never reported as known: every object that holds an estimate, a standard

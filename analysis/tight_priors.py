@@ -59,7 +59,7 @@ class TightPrior:
 
 def tight_priors(fit: LikelihoodFit) -> list[TightPrior]:
     """The groups of tolerances that are contradicted at a converged fit, the one that explains most first."""
-    tolerances = _Tolerances(fit)
+    tolerances = Tolerances(fit)
     names: list[tuple[str, str]] = []
     contradicted: list[TightPrior] = []
     while True:
@@ -76,13 +76,7 @@ def tight_priors(fit: LikelihoodFit) -> list[TightPrior]:
         tolerances.widen(name)
 
 
-def tolerance_groups(fit: LikelihoodFit) -> list[TightPrior]:
-    """All groups of which the data determine something, each judged with the others as they are stated."""
-    tolerances = _Tolerances(fit)
-    return [tolerances.row(name) for name in tolerances.groups]
-
-
-class _Tolerances:
+class Tolerances:
     """The tolerated parameters of a fit that are estimated: places `groups` of each kind among them, z and
     its covariance over arms within the tolerances, of which some are widened."""
 

@@ -50,12 +50,12 @@ def certify(
         from ..experiments.history.store import choose, find_arm, results, whole_answer
         from ..reports.history.certificate import write_certificate
 
-        result = choose(list(results(history, find_arm(history, serial, model))), run, date)
-        answer = whole_answer(history, result)
+        stored = choose(list(results(history, find_arm(history, serial, model))), run, date)
+        result = whole_answer(history, stored)
         today = datetime.now().astimezone().date()
         signing = private_key(private, _passphrase)
-        by = write_certificate(folder, result, answer, signing, today, verification)
-    say(f"Certificate of {result.run}, {result.measured_at:%Y-%m-%d}, verdict {result.verdict}: {folder}")
+        by = write_certificate(folder, stored, result, signing, today, verification)
+    say(f"Certificate of {stored.run}, {stored.measured_at:%Y-%m-%d}, verdict {stored.verdict}: {folder}")
     say(f"Signed by: {grouped(by)}")
 
 

@@ -1,4 +1,4 @@
-"""`zerobeam history`: a database of results of many arms: kept, listed, copied; their drift, their pages."""
+"""`zerobeam history`: a database of results of many arms: kept, listed, exported; drift, pages."""
 
 from __future__ import annotations
 
@@ -234,28 +234,6 @@ def export(
         )
         write_whole(file, text, force=force)
     say(f"{count} results: {file}")
-
-
-@histories.of_options("backup")
-def backup(
-    file: Annotated[Path, argument("SQLite file to write.")], db: Url = None, force: Force = False
-) -> None:
-    """Copy the whole history into one SQLite file, while others go on working with it."""
-    from ..experiments.history.database import back_up
-
-    with opened(db) as history:
-        count = back_up(history, file, force=force)
-    say(f"{count} results: {file}")
-
-
-@histories.of_options("restore")
-def restore(file: Annotated[Path, argument("A backup.")], db: Url = None) -> None:
-    """Copy a backup into an empty history, of SQLite or PostgreSQL."""
-    from ..experiments.history.database import restore as copy_back
-
-    with opened(db, create=True) as history:
-        count = copy_back(file, history)
-        say(f"{count} results: {history.name}")
 
 
 @histories.of_options("drift")

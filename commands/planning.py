@@ -109,7 +109,8 @@ def verify(
     as_json: Json = False,
 ) -> None:
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
-    from ..experiments.acceptance_files import acceptance_json, accepted
+    from ..experiments.acceptance_files import accepted
+    from ..model.records import to_json
     from ..reports.acceptance.acceptance_page import acceptance_page
 
     if folder is not None:
@@ -121,20 +122,21 @@ def verify(
     if folder is not None:
         write_acceptance_report(folder, verified)
     page = None if folder is None else folder / "verification.html"
-    show_answer(as_json, acceptance_json(verified), lambda: acceptance_page(verified).brief, report=page)
-    raise typer.Exit(0 if verified.answer.verdict == "pass" else 1)
+    show_answer(as_json, to_json(verified), lambda: acceptance_page(verified).brief, report=page)
+    raise typer.Exit(0 if verified.verdict == "pass" else 1)
 
 
 def _plan_verify(
     run: Path, file: Path, shots: int | None, tolerance: float | None, force: bool, as_json: bool
 ) -> NoReturn:
     """Write the plan of the acceptance test, and say what it would notice."""
-    from ..experiments.acceptance_files import plan_json, write_acceptance_plan
+    from ..experiments.acceptance_files import write_acceptance_plan
+    from ..model.records import to_json
     from ..reports.acceptance.acceptance_page import acceptance_plan_page
 
     made = write_acceptance_plan(run, file, shots, _enough(tolerance), force=force)
-    show_answer(as_json, plan_json(made), lambda: acceptance_plan_page(made.plan, made.vendor), plan=file)
-    raise typer.Exit(0 if made.plan.enough else 1)
+    show_answer(as_json, to_json(made), lambda: acceptance_plan_page(made, made.vendor), plan=file)
+    raise typer.Exit(0 if made.enough else 1)
 
 
 def _enough(tolerance: float | None) -> float | None:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from ..experiments.command_options import NewRobotOptions
 from ..model.errors import BadInput
 from ..model.options import J3Origin, Option, argument
 from .console import EXIT_STATUS, out, print_json, show_answer
@@ -58,38 +59,8 @@ def robot(
             metavar="PULSES",
         ),
     ] = None,
-    vendor: Annotated[str | None, Option("New: who makes the arm, as in robot files.")] = None,
-    row: Annotated[
-        list[str] | None,
-        Option(
-            "New: a alpha d theta lower upper [speed] of a joint, mm and degrees; once for each joint.",
-            metavar="ROW",
-        ),
-    ] = None,
-    convention: Annotated[
-        Literal["standard", "modified"], Option("New: convention of the rows.")
-    ] = "standard",
-    below: Annotated[
-        float, Option("New, with rows or a URDF: how far the mounting face is below the base frame, mm.")
-    ] = 0.0,
-    urdf: Annotated[
-        Path | None, Option("New: the URDF whose chain from --base to --tip is the arm, in rows.")
-    ] = None,
-    sheet: Annotated[
-        str | None,
-        Option(
-            "New: lengths of the data sheet, mm: height=…,shoulder=…,upper=…,elbow=…,forearm=…,wrist=….",
-            metavar="LENGTHS",
-        ),
-    ] = None,
-    ranges: Annotated[
-        list[str] | None,
-        Option(
-            "New, with --sheet: lower upper [speed] of a joint, degrees; once for each joint.",
-            "--range",
-            metavar="RANGE",
-        ),
-    ] = None,
+    *,
+    new: NewRobotOptions,
     fanuc_backup: Annotated[
         Path | None,
         Option(
@@ -102,21 +73,13 @@ def robot(
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
     its file from rows, a data sheet or a URDF; with -o copy another's."""
-    from ..experiments.arm_shown import arm_json, typed_arm
-    from ..experiments.new_robot import (
-        RobotEntries,
-        content_of,
-        copy_robot,
-        typed_lengths,
-        typed_vendor,
-        with_fanuc_backup,
-        write_robot,
-    )
-    from ..experiments.urdf_robot import content_of_chain, stated_chain
+    from ..experiments.arm_shown import typed_arm
+    from ..experiments.new_robot import content_of, copy_robot, with_fanuc_backup, write_robot
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
     from ..reports.output.terminal import print_blocks
     from ..reports.plan.robot_page import robot_page, robots_table
+    from ..words.sentences import to_json
 
     if names:
         if as_json:
@@ -129,26 +92,13 @@ def robot(
             "which robot?", allowed="a built-in name (--list), a robot file (.yaml), or a URDF (.urdf)"
         )
     if name == "new":
-        if file is None or vendor is None:
+        if file is None or new.vendor is None:
             raise BadInput(
                 "a new robot has a file and a maker",
                 allowed="-o FILE.yaml and --vendor MAKER",
                 remedy="zerobeam robot new -o mine.yaml --vendor doosan, with the maker of your arm",
             )
-        maker = typed_vendor(vendor)
-        if urdf is not None:
-            if row or sheet is not None or ranges or convention != "standard":
-                raise BadInput(
-                    "an arm is stated once", found="--urdf with --row, --sheet, --range or --convention"
-                )
-            chain = stated_chain(urdf, base, tip, below)
-            content, head = content_of_chain(file.stem, maker, chain), chain.head
-        elif base is not None or tip is not None:
-            raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
-        else:
-            lengths = None if sheet is None else typed_lengths(sheet)
-            entries = RobotEntries(file.stem, maker, row or [], convention, lengths, ranges or [], below)
-            content, head = content_of(entries), ""
+        content, head = content_of(file.stem, new, base, tip)
         write_robot(file, with_fanuc_backup(content, fanuc_backup), head)
         base = tip = None
         name = str(file)
@@ -168,6 +118,6 @@ def robot(
         from ..reports.scenes.turnable import write_arm_page
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
-    show_answer(as_json, arm_json(arm), lambda: robot_page(arm), picture=picture)
+    show_answer(as_json, to_json(arm), lambda: robot_page(arm), picture=picture)
     if arm.check is not None and not arm.check.agrees:
         raise typer.Exit(EXIT_STATUS["misfit"])

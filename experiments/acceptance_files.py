@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Annotated, Final, Literal
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from ..model.files.run import Run, read_run
 from ..model.files.whole_file import refuse_existing
 from ..model.instruments.kind import POINT, Instrument
 from ..model.likelihood.problem import Problem, by_posture
+from ..model.records import internal, it, record
 from ..words.provenance import VERIFIES
 from ..words.wording import listed
 from .makers.calibration import converged_solution, require_validated
@@ -39,17 +41,20 @@ from .makers.maker import vendor_of
 from .plans.constraints import clear_postures
 
 _SHA, _ENTERED = f"{VERIFIES} sha256", "entered"
+ACCEPTANCE_SCHEMA: Final = "zerobeam/acceptance/1"
 _DECIMALS = 6  # of degrees and mm in the plan
 
 
-@dataclass(frozen=True, eq=False)
-class PlannedAcceptance:
+@record(eq=False, kw_only=True)
+class PlannedAcceptance(AcceptancePlan):
     """A written plan, the run that it verifies, and the vendor of the robot."""
 
-    plan: AcceptancePlan
+    schema: Annotated[Literal["zerobeam/verification-plan/1"], it("kind and version of the document")] = (
+        "zerobeam/verification-plan/1"
+    )
     run: str
     sha256: str
-    vendor: str | None
+    vendor: Annotated[str | None, internal]
 
 
 def write_acceptance_plan(
@@ -73,18 +78,38 @@ def write_acceptance_plan(
         usable = _usable(run, solution, shots)
         plan = choose(solution, entered, _tolerances(run.header, tolerance), shots, usable)
     _write(run, solution, plan, entered, file, force)
-    return PlannedAcceptance(plan, path.name, run.sha256, vendor_of(run.robot))
+    return PlannedAcceptance(**vars(plan), run=path.name, sha256=run.sha256, vendor=vendor_of(run.robot))
 
 
-@dataclass(frozen=True, eq=False)
-class Verified:
+@record
+class RunOfTest:
+    """A run of an acceptance test: of the calibration, or of the corrected robot."""
+
+    file: str
+    sha256: str
+    provenance: dict[str, object]
+    recorded: Annotated[Run, internal]
+
+    @classmethod
+    def of(cls, run: Run) -> RunOfTest:
+        provenance: dict[str, object] = {
+            key: value for key, value in run.header.provenance.items() if not key.startswith("true ")
+        }
+        return cls(run.path.name, run.sha256, provenance, run)
+
+
+@record(kw_only=True)
+class Verified(AcceptanceResult):
     """The answer of the acceptance test of a calibration by a new run, and the error measured before and
-    after."""
+    after: verification.json."""
 
-    answer: AcceptanceResult
+    schema: Annotated[Literal["zerobeam/acceptance/1"], it("kind and version of the document")] = (
+        ACCEPTANCE_SCHEMA
+    )
+    power_required: float = POWER
     measured: MeasuredError
-    calibration: Run
-    run: Run
+    calibration: RunOfTest
+    run: RunOfTest
 
 
 def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
@@ -99,7 +124,9 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
         prediction = AcceptancePrediction(Predictor.of(solution), recorded, entered)
         answer = accept(prediction, solution, _tolerances(run.header, tolerance))
         measured = measured_error(solution, recorded, entered)
-    return Verified(answer, measured, run, verified)
+    return Verified(
+        **vars(answer), measured=measured, calibration=RunOfTest.of(run), run=RunOfTest.of(verified)
+    )
 
 
 def _recorded(run: Run, verified: Run) -> Problem:
@@ -241,35 +268,3 @@ def _targets(header: Header, solution: Solution, plan: AcceptancePlan) -> dict[s
         x, y, z = (round(value, 3) for value in point)
         targets[name] = StatedTarget(guess_mm=(x, y, z))
     return targets
-
-
-ACCEPTANCE_SCHEMA = "zerobeam/acceptance/1"
-
-
-def acceptance_json(verified: Verified) -> dict[str, object]:
-    """Plain JSON types, schema `zerobeam/acceptance/1`."""
-    return {
-        "schema": ACCEPTANCE_SCHEMA,
-        **asdict(verified.answer),
-        "power_required": POWER,
-        "measured": asdict(verified.measured),
-        "calibration": _run_json(verified.calibration),
-        "run": _run_json(verified.run),
-    }
-
-
-def _run_json(run: Run) -> dict[str, object]:
-    provenance = {key: value for key, value in run.header.provenance.items() if not key.startswith("true ")}
-    return {"file": run.path.name, "sha256": run.sha256, "provenance": provenance}
-
-
-def plan_json(made: PlannedAcceptance) -> dict[str, object]:
-    """The errors that the plan would notice, schema `zerobeam/verification-plan/1`."""
-    return {
-        "schema": "zerobeam/verification-plan/1",
-        "run": made.run,
-        "sha256": made.sha256,
-        "shots": list(made.plan.rows),
-        "enough": made.plan.enough,
-        "offsets": [asdict(offset) for offset in made.plan.offsets],
-    }

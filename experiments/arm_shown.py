@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import field, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -15,44 +16,102 @@ from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
 from ..model.kinematics.inverse import longest_reach
-from ..model.kinematics.orientation import Orientation, orientation
+from ..model.kinematics.orientation import Orientation, Three, orientation
 from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
-from ..model.kinematics.robot import J3, PendantUnit, Robot
-from ..words.pendant_check import check_sentences
+from ..model.kinematics.robot import J3, JointKind, PendantUnit, Robot
+from ..model.records import inline, internal, it, key, record
 from ..words.wording import counted
 from .makers.joint_text import typed_joints
 from .makers.pose_text import typed_poses
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ShownPose:
-    """The flange at `joints` (n,) rad or mm: `place_mm` (3,) and the orientation in the base frame.
+    """The flange at `joints` (n,), rad or mm, in the base frame."""
 
-    `outside` are the joints (from 1) beyond their limits.
-    """
+    joints: Annotated[Matrix, internal]
+    joints_deg: Annotated[tuple[float, ...], it("joint 3 from link 2, degrees (mm)")]
+    counted_deg: Annotated[tuple[float, ...], it("as the pendant counts, degrees (mm)")]
+    outside: Annotated[tuple[int, ...], it("joints beyond their limits, from 1")]
+    xyz_mm: Annotated[Three, it("the flange in the base frame")]
+    orientation: Annotated[
+        Orientation,
+        inline(
+            quaternion="quaternion_wxyz",
+            roll_pitch_yaw="rpy_deg",
+            abc="abc_deg",
+            rotation_vector="rotation_vector_rad",
+            xyz="rx_ry_rz_deg",
+            zyz="zyz_deg",
+        ),
+    ]
 
-    joints: Matrix
-    place_mm: tuple[float, float, float]
-    orientation: Orientation
-    outside: tuple[int, ...]
+
+@record
+class JointLimits:
+    """A joint with its limits."""
+
+    name: str
+    unit: Annotated[str, it("of its limits; a second of its `speed`")]
+    lower: Annotated[float, it("in the pendant's counting")]
+    upper: float
 
 
-@dataclass(frozen=True, eq=False)
+@record
+class ShownJoint(JointLimits):
+    """A joint of the robot, its limits in the pendant's counting."""
+
+    kind: Annotated[JointKind, it("what it does")]
+    speed: Annotated[float | None, it("null where not stated")]
+
+
+@record(eq=False)
 class ShownArm:
-    """A robot, what its maker calls it and its payload class in kg (None: not stated), its reach in mm, and
-    the flange in postures.
+    """A robot, what its maker calls it, its reach, and the flange in postures.
 
     `pendant` says how joints are counted where they are read and shown; `check` is what poses of the pendant
     say of the file.
     """
 
-    robot: Robot
-    pendant: Pendant
-    model: str | None
-    payload_kg: float | None
-    reach_mm: float
-    poses: tuple[ShownPose, ...]
-    check: PendantCheck | None = None
+    schema: Annotated[Literal["zerobeam/arm/1"], it("kind and version of the document")] = field(
+        default="zerobeam/arm/1", kw_only=True
+    )
+    robot: Annotated[Robot, internal]
+    pendant: Annotated[Pendant, it("how joints are counted where they are read and shown")]
+    model: Annotated[str | None, it("null where not stated")]
+    payload_kg: Annotated[float | None, it("payload class; null where not stated")]
+    reach_mm: Annotated[float, it("the farthest that the flange gets from the axis of joint 1")]
+    poses: Annotated[tuple[ShownPose, ...], it("the flange in each posture")]
+    check: Annotated[PendantCheck | None, it("of poses of the pendant; null without `--pose`")] = None
+
+    @property
+    @key("of the robot")
+    def name(self) -> str:
+        return self.robot.name
+
+    @property
+    @key("null where not stated")
+    def vendor(self) -> str | None:
+        return self.robot.vendor
+
+    @property
+    @key("`below_base_mm` of the mounting face, null where not stated")
+    def mounting(self) -> dict[str, float | None]:
+        return {"below_base_mm": self.robot.conventions.below_base}
+
+    @property
+    @key("`joint3`: what its encoder measures, null where not stated")
+    def encoder(self) -> dict[str, J3 | None]:
+        return {"joint3": self.robot.conventions.encoder3}
+
+    @property
+    @key("joint 1 first")
+    def joints(self) -> tuple[ShownJoint, ...]:
+        lower, upper = (limits.tolist() for limits in self.pendant.limits)
+        return tuple(
+            ShownJoint(one.name, one.unit, low, high, one.kind, one.speed and one.speed * one.display)
+            for one, low, high in zip(self.robot.joints, lower, upper, strict=True)
+        )
 
 
 def typed_arm(
@@ -128,82 +187,9 @@ def _shown(ref: str | UrdfRef, pendant: Pendant, joints: Sequence[Matrix]) -> Sh
         pendant,
         model,
         payload,
-        longest_reach(robot),
-        tuple(_pose(robot, posture) for posture in postures),
+        round(longest_reach(robot), 1),
+        tuple(_pose(pendant, posture) for posture in postures),
     )
-
-
-def arm_json(arm: ShownArm) -> dict[str, object]:
-    """`zerobeam/arm/1` (docs/files.md)."""
-    robot, pendant, facts = arm.robot, arm.pendant, arm.robot.conventions
-    lower, upper = (limits.tolist() for limits in pendant.limits)
-    return {
-        "schema": "zerobeam/arm/1",
-        "name": robot.name,
-        "vendor": robot.vendor,
-        "model": arm.model,
-        "payload_kg": arm.payload_kg,
-        "reach_mm": round(arm.reach_mm, 1),
-        "mounting": {"below_base_mm": facts.below_base},
-        "pendant": {
-            "joint3": pendant.joint3,
-            "names": pendant.names,
-            "order": [i + 1 for i in pendant.order],
-            "unit": pendant.unit,
-            "less_joint2": pendant.less_joint2,
-            "stated": facts.joint3 is not None,
-        },
-        "encoder": {"joint3": facts.encoder3},
-        "joints": [
-            {
-                "name": joint.name,
-                "kind": joint.kind,
-                "unit": joint.unit,
-                "lower": lower[i],
-                "upper": upper[i],
-                "speed": None if joint.speed is None else joint.speed * joint.display,
-            }
-            for i, joint in enumerate(robot.joints)
-        ],
-        "poses": [
-            {
-                "joints_deg": (pose.joints * robot.display).tolist(),
-                "counted_deg": pendant.counted(pose.joints * robot.display).tolist(),
-                "outside": list(pose.outside),
-                "xyz_mm": list(pose.place_mm),
-                "quaternion_wxyz": list(pose.orientation.quaternion),
-                "rpy_deg": list(pose.orientation.roll_pitch_yaw),
-                "abc_deg": list(pose.orientation.abc),
-                "rotation_vector_rad": list(pose.orientation.rotation_vector),
-                "rx_ry_rz_deg": list(pose.orientation.xyz),
-                "zyz_deg": list(pose.orientation.zyz),
-            }
-            for pose in arm.poses
-        ],
-        "check": None if arm.check is None else _check_json(arm.check),
-    }
-
-
-def _check_json(check: PendantCheck) -> dict[str, object]:
-    return {
-        "agrees": check.agrees,
-        "deviations": [
-            {
-                "mm": each.place_mm,
-                "deg": each.angle_deg,
-                "allowed_mm": each.allowed_mm,
-                "allowed_deg": each.allowed_deg,
-            }
-            for each in check.deviations
-        ],
-        "suspects": [
-            {"entry": each.entry, "kind": each.kind, "is": each.old, "would_be": each.new}
-            for each in check.suspects
-        ],
-        "same_arm": check.same_arm,
-        "unchecked": list(dict.fromkeys(each.entry for each in check.unchecked)),
-        "sentences": check_sentences(check),
-    }
 
 
 def _typed(pendant: Pendant, text: str, units: PendantUnit) -> Matrix:
@@ -219,8 +205,16 @@ def _typed(pendant: Pendant, text: str, units: PendantUnit) -> Matrix:
     return pendant.between_links(values) / pendant.robot.display
 
 
-def _pose(robot: Robot, joints: Matrix) -> ShownPose:
-    pose = robot.fk(joints, "rad")
+def _pose(pendant: Pendant, joints: Matrix) -> ShownPose:
+    robot = pendant.robot
+    pose, shown = robot.fk(joints, "rad"), joints * robot.display
     x, y, z = (float(value) for value in pose[:3, 3])
     outside = np.flatnonzero(beyond_limits(robot, joints)) + 1
-    return ShownPose(joints, (x, y, z), orientation(pose[:3, :3]), tuple(int(i) for i in outside))
+    return ShownPose(
+        joints,
+        tuple(shown.tolist()),
+        tuple(pendant.counted(shown).tolist()),
+        tuple(outside.tolist()),
+        (x, y, z),
+        orientation(pose[:3, :3]),
+    )

@@ -1,7 +1,8 @@
 """What is stated to commands that need few words."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Literal
 
 from ..model.options import Option, Seed, argument
 
@@ -64,3 +65,41 @@ class HistoryPageOptions:
     ] = None
     model: Model = None
     db: Url = None
+
+
+@dataclass(frozen=True)
+class NewRobotOptions:
+    """How the arm of a new robot file is stated: by rows, by the lengths of its data sheet, or by a URDF."""
+
+    vendor: Annotated[str | None, Option("New: who makes the arm, as in robot files.")] = None
+    row: Annotated[
+        list[str] | None,
+        Option(
+            "New: a alpha d theta lower upper [speed] of a joint, mm and degrees; once for each joint.",
+            metavar="ROW",
+        ),
+    ] = None
+    convention: Annotated[Literal["standard", "modified"], Option("New: convention of the rows.")] = (
+        "standard"
+    )
+    below: Annotated[
+        float, Option("New, with rows or a URDF: how far the mounting face is below the base frame, mm.")
+    ] = 0.0
+    urdf: Annotated[
+        Path | None, Option("New: the URDF whose chain from --base to --tip is the arm, in rows.")
+    ] = None
+    sheet: Annotated[
+        str | None,
+        Option(
+            "New: lengths of the data sheet, mm: height=…,shoulder=…,upper=…,elbow=…,forearm=…,wrist=….",
+            metavar="LENGTHS",
+        ),
+    ] = None
+    ranges: Annotated[
+        list[str] | None,
+        Option(
+            "New, with --sheet: lower upper [speed] of a joint, degrees; once for each joint.",
+            "--range",
+            metavar="RANGE",
+        ),
+    ] = None

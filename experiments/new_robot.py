@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 from unicodedata import normalize
 
 from ..model.errors import BadInput
@@ -15,7 +14,9 @@ from ..model.files.whole_file import flow, refuse_existing, write_whole, yaml_te
 from ..model.parsing.confinement import BUILT_IN
 from ..model.parsing.reading import did_you_mean, read_yaml, shown
 from ..model.parsing.validation import validate
+from .command_options import NewRobotOptions
 from .makers.fanuc.backup import read_fanuc_backup
+from .urdf_robot import content_of_chain, stated_chain
 
 # Lengths as data sheets of arms with six axes draw them, with the arm's own words for each.
 LENGTHS: Mapping[str, str] = {
@@ -40,23 +41,6 @@ LIKE: Mapping[str, str] = {
 }
 _VENDORS: tuple[str, ...] = get_args(Vendor)
 _ROW = ("a_mm", "alpha_deg", "d_mm", "theta_deg", "lower_deg", "upper_deg", "speed_deg_s")
-
-
-@dataclass(frozen=True)
-class RobotEntries:
-    """What a person states of an arm: rows (`a alpha d theta lower upper [speed]`), or lengths of a data
-    sheet by name (mm) with the range of each joint (`lower upper [speed]`), degrees.
-
-    `below_base` is how far the mounting face is below the base frame, mm; lengths of a data sheet say it.
-    """
-
-    name: str
-    vendor: str
-    rows: Sequence[str] = ()
-    convention: Literal["standard", "modified"] = "standard"
-    lengths: Mapping[str, float] | None = None
-    ranges: Sequence[str] = ()
-    below_base: float = 0.0
 
 
 def typed_vendor(text: str) -> str:
@@ -91,45 +75,58 @@ def typed_lengths(text: str) -> dict[str, float]:
     return lengths
 
 
-def content_of(entries: RobotEntries) -> dict[str, object]:
-    """The content of the robot file. BadInput where it makes no robot."""
-    if bool(entries.rows) == (entries.lengths is not None):
-        sheet = f"; or --sheet and --range, with {_WORDS}" if entries.vendor in LIKE else ""
+def content_of(
+    name: str, options: NewRobotOptions, base: str | None = None, tip: str | None = None
+) -> tuple[dict[str, object], str]:
+    """The content of the robot file, and its first lines of comment; `base` and `tip` are the ends of a
+    URDF's chain. BadInput where it makes no robot."""
+    vendor = typed_vendor(options.vendor or "")
+    if options.urdf is not None:
+        if options.row or options.sheet is not None or options.ranges or options.convention != "standard":
+            raise BadInput(
+                "an arm is stated once", found="--urdf with --row, --sheet, --range or --convention"
+            )
+        chain = stated_chain(options.urdf, base, tip, options.below)
+        return content_of_chain(name, vendor, chain), chain.head
+    if base is not None or tip is not None:
+        raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
+    if bool(options.row) == (options.sheet is not None):
+        sheet = f"; or --sheet and --range, with {_WORDS}" if vendor in LIKE else ""
         raise BadInput(
             "an arm is stated by its rows or by the lengths of its data sheet",
-            found="both" if entries.rows else "neither",
+            found="both" if options.row else "neither",
             allowed=f"--row '{' '.join(_ROW[:6])} [speed]' once for each joint{sheet}",
         )
-    if entries.lengths is None:
-        rows = [_typed_row(row) for row in entries.rows]
+    if options.sheet is None:
         content: dict[str, object] = {
             "schema": "zerobeam/robot/1",
-            "name": entries.name,
-            "vendor": entries.vendor,
-            "convention": entries.convention,
-            "joints": rows,
-            "mounting": {"below_base_mm": entries.below_base},
+            "name": name,
+            "vendor": vendor,
+            "convention": options.convention,
+            "joints": [_typed_row(row) for row in options.row or ()],
+            "mounting": {"below_base_mm": options.below},
         }
-        if entries.vendor == "fanuc":
+        if vendor == "fanuc":
             content["pendant"] = {"joint3": "ground"}
     else:
-        content = _of_sheet(entries, entries.lengths)
+        content = _of_sheet(name, vendor, options.sheet, options.ranges or ())
     validate(RobotFile, content, file=None, line=lambda _: None)
-    return content
+    return content, ""
 
 
-def _of_sheet(entries: RobotEntries, lengths: Mapping[str, float]) -> dict[str, object]:
-    """The rows of another arm of the maker with these lengths in the places of its own."""
-    if entries.vendor not in LIKE:
+def _of_sheet(name: str, vendor: str, sheet: str, ranges: Sequence[str]) -> dict[str, object]:
+    """The rows of another arm of the maker with these lengths in the places of its own, and these ranges."""
+    if vendor not in LIKE:
         raise BadInput(
             "the zeros and signs of this maker's arms are not known here",
-            found=entries.vendor,
+            found=vendor,
             allowed=", ".join(LIKE),
             remedy="state the Denavit-Hartenberg rows: --row",
         )
-    like = stated_rows(LIKE[entries.vendor], Path())
-    if len(entries.ranges) != len(like.joints):
-        raise BadInput("each joint has a range", found=len(entries.ranges), allowed=len(like.joints))
+    lengths = typed_lengths(sheet)
+    like = stated_rows(LIKE[vendor], Path())
+    if len(ranges) != len(like.joints):
+        raise BadInput("each joint has a range", found=len(ranges), allowed=len(like.joints))
     if lengths["side"] and not like.joints[1].d_mm:
         raise BadInput(
             "arms of this maker have no side offset here",
@@ -147,7 +144,7 @@ def _of_sheet(entries: RobotEntries, lengths: Mapping[str, float]) -> dict[str, 
         (5, "d_mm"): _signed(lengths["wrist"], like.joints[5].d_mm),
     }
     rows = []
-    for i, (joint, text) in enumerate(zip(like.joints, entries.ranges, strict=True)):
+    for i, (joint, text) in enumerate(zip(like.joints, ranges, strict=True)):
         row = {key: values.get((i, key), getattr(joint, key)) for key in _ROW[:4]}
         rows.append(row | dict(zip(_ROW[4:], _numbers(text, range(2, 4), "range"), strict=False)))
     frames = {
@@ -160,8 +157,8 @@ def _of_sheet(entries: RobotEntries, lengths: Mapping[str, float]) -> dict[str, 
     }
     return {
         "schema": "zerobeam/robot/1",
-        "name": entries.name,
-        "vendor": entries.vendor,
+        "name": name,
+        "vendor": vendor,
         "convention": like.convention,
         "joints": rows,
         **frames,

@@ -17,6 +17,7 @@ from ..model.files.plan_file import Obstacles, PlanFile
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
 from ..model.parsing.reading import did_you_mean
+from .arm_shown import ShownArm
 from .batch import Batch
 from .history.documents import ArmDocument, DriftOfArms, FleetDocument, HistoryList
 from .rigs.simulated.cell_file import CellFile
@@ -47,6 +48,7 @@ _ANSWERS: dict[str, type] = {
     "history-arm": ArmDocument,
     "history-fleet": FleetDocument,
     "drift": DriftOfArms,
+    "arm": ShownArm,
 }
 SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 

@@ -289,9 +289,10 @@ def _shown(value: object, kind: type, one: Key, words: Words) -> object:
         return shown or None
     if not one.worded or shown is not None or not words:  # without words a record says what it has
         return shown
-    if kind not in words or one.attribute not in words[kind]:
+    sentences = next((words[of] for of in kind.__mro__ if of in words), {})
+    if one.attribute not in sentences:
         raise _unsound(f"nothing says {one.name} of {kind.__name__}")
-    return words[kind][one.attribute](value)
+    return sentences[one.attribute](value)
 
 
 def _unsound(what: str) -> UnsoundResult:

@@ -435,7 +435,7 @@ def _worth(result: Result, case: RunCase) -> Iterable[str]:
     offsets = [row for row in case.offsets if row.std is not None and row.status != "assumed"]
     if not offsets:
         return ()
-    if not result.geometry.stated:
+    if result.geometry.tolerance is None:
         return _some(worth_sentence(result.geometry, offsets, result.coverage_factor))
     worst = max(offsets, key=lambda row: row.std or 0.0)
     share = worst.tolerance_share

@@ -74,7 +74,8 @@ def determined_sentence(rows: Iterable[_Tolerated], *, planned: bool = False) ->
 
 def tolerances_words(geometry: GeometryResult) -> str:
     """The tolerances of the links: 0.3 mm and 0.1°; of lists the smallest and the largest."""
-    return f"{tolerance_words(geometry.length_mm, 'mm')} and {tolerance_words(geometry.angle_deg, 'deg')}"
+    of = geometry.considered_tolerance
+    return f"{tolerance_words(of.length_mm, 'mm')} and {tolerance_words(of.angle_deg, 'deg')}"
 
 
 def tolerance_words(tolerance: Tolerance, unit: str) -> str:
@@ -96,7 +97,7 @@ def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: fl
     if not std or considered is None:
         return None
     present, u = _range(std, units, k), "u" if k == 1 else "U"
-    if not geometry.stated:
+    if geometry.tolerance is None:
         return (
             f"With nominal geometry {u} is {present}; if the arm deviates from it by"
             f" {tolerances_words(geometry)}, {considered}. Leave out geometry: exact to estimate it."

@@ -93,14 +93,6 @@ def acceptance_plan_message(measurements: int, calibration: str, run: str) -> Me
     )
 
 
-def lines_of(content: Message) -> list[str]:
-    """A message as lines: verdict, cause, worst offset, what to do; cautions are left to a page."""
-    action = content.action
-    todo = f"To do: {action.text}" + ("" if action.command is None else f"  {action.command}")
-    lines = [content.verdict, content.cause, None if content.worst is None else content.worst.text, todo]
-    return [line for line in lines if line is not None]
-
-
 def headline(answer: Result | Solution | Check, name: Namer = str) -> str:
     """Verdict and cause without the verdict's word; of a plan what it will determine, and why not the rest,
     broken constraints first. `name` writes names."""
@@ -132,7 +124,7 @@ def _of_run(case: RunCase) -> Message:
         unit, u = numbers.unit_of(row.unit), k * row.std
         return f"{numbers.estimate(row.estimate, u, unit)} ± {numbers.spread(u, unit)}"
 
-    content = _message(case, RUN, f"{_judged(case)}. {_determined(case)}", _worst(rows, k, value))
+    content = message_by(case, RUN, f"{_judged(case)}. {_determined(case)}", _worst(rows, k, value))
     return replace(content, action=_saved_first(case, content.action))
 
 
@@ -151,7 +143,7 @@ def _of_plan(check: Check) -> Message:
     verdict = f"{VERDICT_WORDS[check.verdict]}. {f'{_broken(check)}. ' if check.violations else ''}"
     verdict += determined(estimated(check), texts, person) or _NONE_ESTIMATED
     rows = [row for row in estimated(check) if row.status != "assumed"]
-    content = _message(check, PLAN, verdict, _worst(rows, _COVERAGE, value))
+    content = message_by(check, PLAN, verdict, _worst(rows, _COVERAGE, value))
     action = Action(ended(sentence(content.action.text)), content.action.command)
     return replace(content, action=action, may=May())
 
@@ -159,7 +151,9 @@ def _of_plan(check: Check) -> Message:
 A = TypeVar("A", RunCase, Check)
 
 
-def _message(answer: A, table: Sequence[FindingEntry[A]], verdict: str, worst: WorstOffset | None) -> Message:
+def message_by(
+    answer: A, table: Sequence[FindingEntry[A]], verdict: str, worst: WorstOffset | None
+) -> Message:
     rows = rows_of(answer, table)
     grade, may = graded(rows, answer.verdict)
     cause, cautions = _sentences(rows, answer)

@@ -115,7 +115,7 @@ def _size(value: float, unit: str) -> str:
 
 
 def _unchecked(check: PendantCheck) -> list[str]:
-    entries = list(dict.fromkeys(change.entry for change in check.unchecked))
+    entries = check.unchecked_entries
     if not entries:
         return []
     return [

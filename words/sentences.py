@@ -26,6 +26,7 @@ from ..analysis.misfit import (
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import Check, CheckedParameter
+from ..analysis.pendant_check.pose_check import PendantCheck
 from ..analysis.posterior.posterior import PosteriorSummary
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.repeatability.compare import ComparedRun, Comparison
@@ -46,6 +47,7 @@ from .finding_words import (
 from .message import headline, message, next_steps, offered
 from .misfit_words import criterion_sentence, explanation_sentence
 from .observability import direction_remedy, reason
+from .pendant_check import check_sentences
 from .plan_words import check_notes
 
 _CRITERIA = (
@@ -83,6 +85,7 @@ WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
     Explanation: {"sentence": explanation_sentence},
     Comparison: {"headline": comparison.headline, "notes": lambda runs: tuple(comparison.notes(runs))},
     ComparedRun: {"failure": _failure},
+    PendantCheck: {"sentences": check_sentences},
     Check: {"headline": headline, "notes": check_notes},
     **{kind: {"sentence": criterion_sentence} for kind in _CRITERIA},
 }

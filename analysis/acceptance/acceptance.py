@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from scipy import stats
@@ -28,6 +28,7 @@ from ...model.arrays import Index, Mask, Matrix
 from ...model.files.run import UNKNOWNS
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, key, record
 from ..observability.outlook import predicted_covariance
 from ..prediction import PredictedResiduals, Predictor, Rows, noise_dof, of_rows, settled, weighted_rows
 from ..solution import Solution
@@ -43,7 +44,7 @@ _FARTHEST = 8  # times a plan's measurements: what these do not reach, no number
 _MOST_CANDIDATES = 60  # spread over the run: more are as good
 
 
-@dataclass(frozen=True)
+@record
 class EnteredOffset:
     """One offset that was entered: its `estimate`, the value `entered`, u and the tolerance (deg, mm), and
     the probability that the test notices an error of that tolerance, and that it was not entered at all."""
@@ -64,7 +65,7 @@ _TIMES: Mapping[MistakeKind, float] = {"not entered": 1.0, "wrong sign": 2.0, "e
 _COUPLED: Mapping[MistakeKind, float] = {"joint 2 added": -1.0, "joint 2 subtracted": 1.0}
 
 
-@dataclass(frozen=True)
+@record
 class Mistake:
     """A mistake in entering that would explain the new measurements: `offsets` not entered, with the wrong
     sign, or twice (also as a corrected program besides); at joint 3 with the value of joint 2 added, or
@@ -75,7 +76,7 @@ class Mistake:
     p_value: float
 
 
-@dataclass(frozen=True)
+@record
 class AcceptanceResult:
     """The answer: `statistic` is chi-squared over k, `rms_mm` of the new residuals, `expected_mm` what was
     predicted; `mistakes`, the likeliest first, where it fails."""
@@ -271,17 +272,18 @@ def _couples(robot: Robot) -> bool:
     return "ground" in (robot.conventions.joint3, robot.conventions.encoder3)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class AcceptancePlan:
     """The chosen measurements of the run by their index (`rows`), the `joints` (N, n) rad or mm that the
     corrected robot reads there, and the power of the test, offset by offset."""
 
-    rows: tuple[int, ...]
-    joints: Matrix
-    targets: tuple[str, ...]
-    offsets: tuple[EnteredOffset, ...]
+    rows: Annotated[tuple[int, ...], it("the measurements of the run", name="shots")]
+    joints: Annotated[Matrix, internal]
+    targets: Annotated[tuple[str, ...], internal]
+    offsets: Annotated[tuple[EnteredOffset, ...], it("what the test would notice")]
 
     @property
+    @key("whether the power is enough for a pass")
     def enough(self) -> bool:
         return all(row.power >= POWER for row in self.offsets)
 

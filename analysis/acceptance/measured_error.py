@@ -9,13 +9,13 @@ lengths: what an instrument reads of an orientation is not in them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
+from ...model.records import record
 from ..prediction import Predictor, length_rows, of_rows
 from ..solution import Solution
 from .acceptance import Anew
@@ -25,7 +25,7 @@ _CARRIED: dict[bool, tuple[Group, ...]] = {False: ("tool",), True: ("tool", "tar
 _SAME_POSTURE = np.radians(5.0)  # a target that was moved turns the wrist by no more
 
 
-@dataclass(frozen=True)
+@record
 class PostureError:
     """One posture: the `measurement` of the new run, that of the calibration there (None where there is
     none), the residuals before and after, and `noise_mm`, their standard deviation by noise alone; mm."""
@@ -38,7 +38,7 @@ class PostureError:
     noise_mm: float
 
 
-@dataclass(frozen=True)
+@record
 class ErrorSize:
     """Of the residuals of several postures, mm."""
 
@@ -46,7 +46,7 @@ class ErrorSize:
     worst_mm: float
 
 
-@dataclass(frozen=True)
+@record
 class MeasuredError:
     """Residuals of the controller's model before and after; `before` is None unless the calibration has
     measured every posture."""

@@ -26,6 +26,7 @@ from ..diagnostics.outliers import Robust
 from ..diagnostics.predicted_run import PredictedRun
 from ..diagnostics.scene_data import RunScene
 from ..diagnostics.values_to_enter import Conformity, Entered
+from ..estimation.midpoint import MidpointFit
 from ..misfit import Misfit
 from ..observability.basis import Basis
 from ..observability.geometry_result import GeometryResult
@@ -83,38 +84,12 @@ class LikelihoodSummary:
     )
 
 
-@record
-class MidpointSummary:
-    """The paper's own fit (eq. 8). `available` is False where its cost is not defined for these data
-    (parallel beams, say). It has no χ²: what only the likelihood fit has is null."""
-
-    available: Annotated[bool, it("false where the cost is not defined for these data")]
-    converged: Annotated[bool, it("whether it has an answer")]
-    reason: Annotated[str, it("termination, in words")]
-    iterations: Annotated[int, it("how many")]
-    cost: Annotated[float | None, it("at the end")]
-    rms_mm: Annotated[float | None, it("of the residuals in lengths, millimetres")]
-    message: Annotated[str | None, it("what else is to be known, in words")]
-    rms_before_mm: Annotated[None, it("not of this fit")] = None
-    rms_deg: Annotated[None, it("not of this fit")] = None
-    rms_before_deg: Annotated[None, it("not of this fit")] = None
-    chi2: Annotated[None, it("not of this fit")] = None
-    dof: Annotated[None, it("not of this fit")] = None
-    p_value: Annotated[None, it("not of this fit")] = None
-    noise_scale: Annotated[None, it("not of this fit")] = None
-    other_basins: Annotated[int, it("not of this fit")] = 0
-
-    def __post_init__(self) -> None:
-        if not self.available and (self.cost is not None or self.rms_mm is not None):
-            raise UnsoundResult("the midpoint fit is not available, yet it has numbers")
-
-
 @record(needed=("likelihood",))
 class FitSummaries:
     """The likelihood fit and the paper's."""
 
     likelihood: Annotated[LikelihoodSummary, it("of the likelihood: the answer")]
-    midpoint: Annotated[MidpointSummary, it("of the paper (eq. 8)")]
+    midpoint: Annotated[MidpointFit, it("of the paper (eq. 8)")]
 
 
 @record
@@ -276,7 +251,7 @@ class Result:
             "k of every expanded uncertainty U = k u: 2, or Student's factor where the noise scale is"
             " estimated and that is larger"
         ),
-    ] = 2.0
+    ]
     headline: Annotated[str | None, it("the verdict in a sentence")] = None
     parameters: Annotated[ParameterTable, it("a row each")]
     without_prior: Annotated[
@@ -420,7 +395,7 @@ class Result:
         return self.fits.likelihood
 
     @property
-    def midpoint(self) -> MidpointSummary:
+    def midpoint(self) -> MidpointFit:
         """The paper's fit."""
         return self.fits.midpoint
 

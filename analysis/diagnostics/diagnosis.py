@@ -127,7 +127,7 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     ended, (base,) = fits_from(density, x[None])
     if base.agrees(slack) and not changed:
         return ()
-    fits = list(hypothesis_fits(problem, ended[0], base, slack))
+    fits = list(hypothesis_fits(problem, ended[0], slack))
     explained = tuple(
         replace(one, readings=misreadings(problem, ended[0], base, one.measurements[0], slack))
         if one.cause == "measurements" and len(one.measurements) == 1

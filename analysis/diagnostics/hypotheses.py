@@ -258,11 +258,9 @@ def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[Hypoth
     ]
 
 
-def hypothesis_fits(
-    problem: Problem, x: Matrix, base: HypothesisFit, slack: float
-) -> Iterator[HypothesisFit]:
-    """What the best hypotheses leave of a problem at known noise. The fit as recorded ended at x (p,) and
-    leaves `base`; `slack` is that of `HypothesisFit.agrees`."""
+def hypothesis_fits(problem: Problem, x: Matrix, slack: float) -> Iterator[HypothesisFit]:
+    """What the best hypotheses leave of a problem at known noise. The fit as recorded ended at x (p,);
+    `slack` is that of `HypothesisFit.agrees`."""
     every = list(changes(problem, x))
     # Far zeros leave the residuals as they are: only the prior speaks against them.
     beyond = _beyond_priors(problem, x)

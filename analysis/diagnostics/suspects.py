@@ -354,7 +354,7 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
         for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
             if which:
                 tried = linear.of(linear.by_parameters(which))
-                suspect = _of_prior(parameters, which, "tool", of=of)
+                suspect = _of_prior(which, "tool", of=of)
                 yield from _suspects(tried, sizes, partial(_itself, suspect), scale)
     for angle in (False, True):
         which = [
@@ -373,7 +373,7 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
             def made(k: int, which: list[int] = which) -> Suspect:
                 item = parameters.items[which[k]]
                 number = int(item.of.removeprefix("link"))
-                return _of_prior(parameters, [which[k]], "length", joints=(number,), of=item.name)
+                return _of_prior([which[k]], "length", joints=(number,), of=item.name)
 
             yield from _suspects(tried, _TILTS if angle else _MM, made, unit if angle else 1.0)
 
@@ -382,7 +382,7 @@ def _itself(suspect: Suspect, _: int) -> Suspect:
     return suspect
 
 
-def _of_prior(parameters: Parameters, which: list[int], cause: Cause, **more: object) -> Suspect:
+def _of_prior(which: list[int], cause: Cause, **more: object) -> Suspect:
     """What moves the prior means of some parameters."""
 
     def columns(linear: Linear) -> Matrix:

@@ -17,12 +17,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy import special
 
 from ...model.arrays import Matrix
 from ...model.errors import BadInput, UnsoundResult
+from ...model.records import internal, it, record
 from .importance import ENOUGH, MOST, Pass, about, effective, from_pass, normalised, over_passes, sampled
 from .smoother import Series, Smoothed, smooth
 
@@ -162,35 +164,32 @@ def _with_prior_of(j: int, about: Pass, prior: Pass) -> Pass:
     return centre, np.asarray(np.linalg.cholesky(covariance), float)
 
 
-@dataclass(frozen=True)
-class Jump:
-    """A change of one offset between the results `after` and `after` + 1 that the drift does not explain.
+@record
+class OffsetChange:
+    """A change of one offset between the results `place` and `place` + 1."""
 
-    `p_value` is multiplied by the number of tests; `size` is in the unit of the offset.
-    """
-
-    offset: str
-    unit: str
-    after: int
-    p_value: float
-    size: float
-    interval95: tuple[float, float]
+    offset: Annotated[str, it("its name")]
+    unit: Annotated[str, it("of the size")]
+    place: Annotated[int, internal]
+    size: Annotated[float, it("of the change")]
+    interval95: Annotated[tuple[float, float], it("95 % interval of the size")]
 
 
-@dataclass(frozen=True)
-class Undecided:
-    """A change of one offset between the results `after` and `after` + 1 that may be a jump or drift.
+@record
+class Jump(OffsetChange):
+    """A change that the drift does not explain; its p-value is multiplied by the number of tests."""
 
-    The uncertainty of the results does not explain it, and the other results do not determine the rate of the
-    drift. `size` is in the unit of the offset; a change of `least_jump` or more would have been a jump.
-    """
+    p_value: Annotated[float, it("of a jump, adjusted")]
 
-    offset: str
-    unit: str
-    after: int
-    size: float
-    interval95: tuple[float, float]
-    least_jump: float
+
+@record
+class Undecided(OffsetChange):
+    """A change that may be a jump or drift: the uncertainty of the results does not explain it, and the other
+    results do not determine the rate of the drift."""
+
+    least_jump: Annotated[
+        float, it("of what may be drift: the size from which such a change would be a jump")
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +251,7 @@ class Drift:
         """Whether the results say anything of an offset's drift rate: two determine it without a jump or a
         reset in between. Where not, its rate is the prior alone."""
         j = self.series.names.index(offset)
-        breaks = {*self.series.reset, *(jump.after for jump in self.jumps if jump.offset == offset)}
+        breaks = {*self.series.reset, *(jump.place for jump in self.jumps if jump.offset == offset)}
         segment = np.cumsum([0, *(t in breaks for t in range(len(self.series.observations) - 1))])
         return bool(np.bincount(segment[self.series.observed[:, j]], minlength=1).max() > 1)
 
@@ -263,7 +262,7 @@ class Drift:
     @property
     def allowed(self) -> Matrix:
         """(T - 1, m) where an offset may change by any amount: jumps that were found, and resets."""
-        return allowed(self.series, ((jump.after, jump.offset) for jump in self.jumps))
+        return allowed(self.series, ((jump.place, jump.offset) for jump in self.jumps))
 
     def at_last(self) -> Drift:
         """The same with the states at the last result alone: a tenth of the memory, for many arms."""
@@ -372,7 +371,7 @@ def _jump(series: Series, smoothed: Smoothed, weights: Matrix, t: int, j: int, p
     step = smoothed.mean[:, t + 1, j] - smoothed.mean[:, t, j]
     variance = smoothed.step_variance[:, t, j]
     low, high = mixture_interval(step, np.sqrt(variance), weights, LEVEL)
-    return Jump(series.names[j], series.units[j], t, p_value, float(weights @ step), (low, high))
+    return Jump(series.names[j], series.units[j], t, float(weights @ step), (low, high), p_value)
 
 
 def _undecided(

@@ -74,7 +74,7 @@ def bands(drift: Drift, offset: str, ahead_years: float = 0.0) -> Iterator[Band]
     j = drift.series.names.index(offset)
     times = np.array([observation.at for observation in drift.series.observations])
     last = len(times) - 1
-    breaks = sorted({*drift.series.reset, *(jump.after for jump in drift.jumps if jump.offset == offset)})
+    breaks = sorted({*drift.series.reset, *(jump.place for jump in drift.jumps if jump.offset == offset)})
     each = int(np.clip(_POINTS // max(last, 1), 1, _MOST_BETWEEN))
     for begin, end in zip([0, *(t + 1 for t in breaks)], [*breaks, last], strict=True):
         determined = np.flatnonzero(drift.series.observed[begin : end + 1, j])

@@ -296,7 +296,7 @@ def _corrected_from(arm: MeasuredArm, seed: int) -> _CorrectedArm | None:
         if not series.names:
             return None
         arm_drift = drift(series, seed=seed)
-    jumps = [(one.after, one.offset) for one in arm_drift.jumps]
+    jumps = [(one.place, one.offset) for one in arm_drift.jumps]
     elsewhere = [one for one in jumps if change_at(series, arm.instruments, *one) is None]
     if elsewhere == jumps:
         return _informed(series, arm.instruments, arm_drift.rates, arm_drift.weights, arm_drift.allowed)

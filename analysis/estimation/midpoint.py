@@ -12,14 +12,17 @@ has no closed form of sums over shots. Above 50,000 pairs a random sample of 20,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...model.arrays import Index, Matrix
+from ...model.errors import UnsoundResult
 from ...model.instruments.flange_tool import FlangeTool
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, record
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
 
 _PAIRS = 50_000  # of beams: all of them up to here, of more
@@ -29,23 +32,33 @@ _TOLERANCE = (1e-14, 1e-9)  # of the cost, where the search ends: of all pairs, 
 _PARALLEL = 1e-4  # rad: beams nearer to parallel than this have no middle that could be trusted
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class MidpointFit:
     """`x` (p,) of the parameters `names`, internal units, with the offsets and tool of the fit (targets: the
-    mean middle).
+    mean middle). Cost and rms are None where no pair of beams has a middle; of what only the likelihood fit
+    has, all is."""
 
-    `available` is False where no pair of beams has a middle; `rms` is over the 3-vectors, mm.
-    """
+    available: Annotated[bool, it("false where the cost is not defined for these data")]
+    converged: Annotated[bool, it("whether it has an answer")]
+    reason: Annotated[str, it("termination, in words")]
+    iterations: Annotated[int, it("how many")]
+    cost: Annotated[float | None, it("at the end")]
+    rms_mm: Annotated[float | None, it("of the residuals in lengths (3-vectors), millimetres")]
+    message: Annotated[str | None, it("what else is to be known, in words")]
+    names: Annotated[tuple[str, ...], internal] = field(compare=False)
+    x: Annotated[Matrix, internal] = field(compare=False)
+    rms_before_mm: Annotated[None, it("not of this fit")] = None
+    rms_deg: Annotated[None, it("not of this fit")] = None
+    rms_before_deg: Annotated[None, it("not of this fit")] = None
+    chi2: Annotated[None, it("not of this fit")] = None
+    dof: Annotated[None, it("not of this fit")] = None
+    p_value: Annotated[None, it("not of this fit")] = None
+    noise_scale: Annotated[None, it("not of this fit")] = None
+    other_basins: Annotated[int, it("not of this fit")] = 0
 
-    names: tuple[str, ...]
-    x: Matrix
-    available: bool
-    converged: bool
-    reason: str
-    iterations: int
-    cost: float
-    rms: float
-    message: str | None
+    def __post_init__(self) -> None:
+        if not self.available and (self.cost is not None or self.rms_mm is not None):
+            raise UnsoundResult("the midpoint fit is not available, yet it has numbers")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +81,13 @@ def fit_midpoint(problem: Problem) -> MidpointFit:
     middles, message = _Middles.of(problem)
     names = problem.parameters.names
     if middles is None:
-        nothing = float("nan")
         start = problem.parameters.prior_mean
-        return MidpointFit(names, start, False, False, "not defined", 0, nothing, nothing, message)
+        return MidpointFit(False, False, "not defined", 0, None, None, message, names, start)
     fits = _fitted(middles, problem.joints[None])
     cost = float(fits.cost[0])
     rms = float(np.sqrt(2 * cost / fits.points))
     converged, iterations = bool(fits.converged[0]), int(fits.iterations[0])
-    return MidpointFit(names, fits.x[0], True, converged, fits.reason[0], iterations, cost, rms, message)
+    return MidpointFit(True, converged, fits.reason[0], iterations, cost, rms, message, names, fits.x[0])
 
 
 def fit_midpoints(problem: Problem, joints: Matrix) -> MidpointFits:

@@ -67,7 +67,8 @@ def _of_instruments(every: Sequence[Assumption]) -> Iterator[Basis]:
 
 
 def _of_arm(header: Header, geometry: GeometryResult) -> Basis:
-    sizes = (Size(geometry.length_mm, "mm"), Size(geometry.angle_deg, "deg")) if geometry.stated else ()
+    of = geometry.tolerance
+    sizes = () if of is None else (Size(of.length_mm, "mm"), Size(of.angle_deg, "deg"))
     return Basis("arm", "arm", "links", header.geometry is not None, ("geometry",), sizes)
 
 

@@ -110,20 +110,26 @@ class ToolRotation:
     known_to: float | None = None
 
 
-@dataclass(frozen=True)
-class CommonMotion:
-    """An offset of `joint` moves everything after it alike, as the joints before it hardly change.
+@dataclass(frozen=True, kw_only=True)
+class JointsBefore:
+    """The joints before one: whether each is `revolute`, the `ranges` over which they are moved (degrees;
+    mm), and of each whether that is hardly anything (`little`). `hidden`: what is left of a difference is
+    below the noise."""
 
-    `revolute` says of each of the joints 1 … `joint` whether it is; `ranges` (degrees; mm) are those of the
-    joints before `joint`, and `little` says of each whether that is hardly anything. `hidden`: what is left
-    of a difference is below the noise. `frame`: not a target moves along, but the frame of an instrument.
-    """
-
-    joint: int
     revolute: tuple[bool, ...]
     ranges: tuple[float, ...]
     little: tuple[bool, ...]
     hidden: bool = False
+
+
+@dataclass(frozen=True)
+class CommonMotion(JointsBefore):
+    """An offset of `joint` moves everything after it alike, as the joints before it hardly change.
+
+    `revolute` has `joint` too. `frame`: not a target moves along, but the frame of an instrument.
+    """
+
+    joint: int
     frame: bool = False
 
 
@@ -181,17 +187,13 @@ class LocalOptima:
 
 
 @dataclass(frozen=True)
-class Equivalent:
+class Equivalent(JointsBefore):
     """Offsets of the `joints` (from 1) together have nearly the effect of a displacement of what `shifted`
-    says (groups of other parameters that have a part; empty: nearly no effect). `revolute`, `ranges` and
-    `little` are those of the joints before the last of them, `hidden` is, as in a common motion."""
+    says (groups of other parameters that have a part; empty: nearly no effect), as the joints before the
+    last of them move."""
 
     joints: tuple[int, ...]
     shifted: tuple[Group, ...]
-    revolute: tuple[bool, ...]
-    ranges: tuple[float, ...]
-    little: tuple[bool, ...]
-    hidden: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ from ...model.kinematics.pendant import beyond_limits, nearest_limit
 from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
-from ..covariance import Rows, frame, row_text
+from ..covariance import Rows, frame
 from ..estimation.threads import one_blas_thread
-from ..status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, versions
+from ..row import StatusRow
+from ..status import Status, Verdict, has_numbers, verdict_of, versions
 from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, Tried, cause_for
@@ -83,16 +84,13 @@ class Violation:
         return self.condition in ("behind", "facing", "beam", "sight", "arm", "unfit")
 
 
-@record
-class CheckedParameter:
+@record(repr=False)
+class CheckedParameter(StatusRow):
     """One unknown before the shots. `cause` says why it has no number, or what its number rests on;
     `tolerated`: its prior is a tolerance."""
 
-    name: Annotated[str, it("of the parameter")]
-    unit: Annotated[str, it("as in a result")]
-    group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
     status: Annotated[Status, it("what the data will determine")]
-    held: Annotated[bool, it("whether it is not estimated")]
+    group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
     data_std: Annotated[
         float | None,
         it(
@@ -114,17 +112,6 @@ class CheckedParameter:
     reason: Annotated[str | None, worded("why it is not `identified`, else null")] = field(
         default=None, kw_only=True
     )
-
-    def __post_init__(self) -> None:
-        require_no_more_than(self.name, self.status, std=self.std)
-
-    @property
-    def u(self) -> float | None:
-        """The predicted standard uncertainty (GUM), another name for `std`."""
-        return self.std
-
-    def __repr__(self) -> str:
-        return row_text(self.name, self.unit, self.status, None, self.std)
 
 
 class CheckedTable(Rows[CheckedParameter]):
@@ -373,7 +360,6 @@ class Check:
                     unit=item.unit,
                     group=item.group,
                     status=status,
-                    held=item.held,
                     data_std=data_std * item.display if np.isfinite(data_std) else None,
                     std=float(std[i]) * item.display if has_numbers(status) else None,
                     prior_std=item.prior_std * item.display,

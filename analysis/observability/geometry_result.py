@@ -22,7 +22,7 @@ from ...model.arrays import Matrix
 from ...model.files.header import Header
 from ...model.likelihood.geometry import Geometry
 from ...model.likelihood.problem import Problem
-from ...model.records import internal, it, key, record
+from ...model.records import it, record
 from ..estimation.tolerance_factors import Factors
 from ..status import Status, has_numbers
 
@@ -141,12 +141,15 @@ class LinkTolerances:
 
 @record
 class GeometryResult:
-    """The geometry of an answer; offsets that the data do not determine have no numbers here. `length_mm` and
-    `angle_deg` are the tolerances of the links, `stated` whether by the header."""
+    """The geometry of an answer; offsets that the data do not determine have no numbers here."""
 
-    stated: Annotated[bool, internal]
-    length_mm: Annotated[Tolerance, internal]
-    angle_deg: Annotated[Tolerance, internal]
+    tolerance: Annotated[
+        LinkTolerances | None,
+        it("as the header states it; null without the key `geometry`: the geometry is then nominal"),
+    ]
+    considered_tolerance: Annotated[
+        LinkTolerances, it("the same, or 0.3 mm and 0.1° of all links where the header states none")
+    ]
     factors: Annotated[
         Factors | None,
         it(
@@ -188,16 +191,6 @@ class GeometryResult:
         ),
     ] = ()
 
-    @property
-    @key("as the header states it; null without the key `geometry`: the geometry is then nominal")
-    def tolerance(self) -> LinkTolerances | None:
-        return self.considered_tolerance if self.stated else None
-
-    @property
-    @key("the same, or 0.3 mm and 0.1° of all links where the header states none")
-    def considered_tolerance(self) -> LinkTolerances:
-        return LinkTolerances(self.length_mm, self.angle_deg)
-
 
 def geometry_result(
     header: Header,
@@ -227,11 +220,13 @@ def geometry_result(
         return {name: std if np.isfinite(std) else None for name, std in stds.items()}
 
     geometry = header.arm
-    tolerance = None if geometry is None else geometry.tolerance
+    considered_tolerance = LinkTolerances(TYPICAL_MM, TYPICAL_DEG)
+    if geometry is not None:
+        links = geometry.tolerance
+        considered_tolerance = LinkTolerances(links.length_mm, links.angle_deg)
     return GeometryResult(
-        stated=geometry is not None,
-        length_mm=TYPICAL_MM if tolerance is None else tolerance.length_mm,
-        angle_deg=TYPICAL_DEG if tolerance is None else tolerance.angle_deg,
+        tolerance=None if geometry is None else considered_tolerance,
+        considered_tolerance=considered_tolerance,
         factors=factors,
         ladder=ladder,
         consider=of_offsets(considered(problem, x, weight)),

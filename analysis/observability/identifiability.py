@@ -34,6 +34,7 @@ from .causes import (
     Cause,
     CommonMotion,
     Equivalent,
+    JointsBefore,
     NamedTolerance,
     NoiseSplit,
     NullDirection,
@@ -117,19 +118,19 @@ def _tool_rotation(tool: Instrument, joint: int) -> ToolRotation:
 
 def _common_motion(problem: Problem, k: int) -> CommonMotion:
     """The motion of everything after joint k (1 … k do not change, or hardly)."""
-    revolute, ranges, little = _before(problem, k)
-    turns = problem.robot.joints[k].kind == "revolute"
+    before = _before(problem, k)
+    revolute = (*before.revolute, problem.robot.joints[k].kind == "revolute")
     frame = all(map(problem.is_station, problem.targets))
-    return CommonMotion(k + 1, (*revolute, turns), ranges, little, frame=frame)
+    return CommonMotion(k + 1, frame, revolute=revolute, ranges=before.ranges, little=before.little)
 
 
-def _before(problem: Problem, k: int) -> tuple[tuple[bool, ...], tuple[float, ...], tuple[bool, ...]]:
-    """Of each of the first k joints: whether it is revolute, its range over the measurements (degrees or mm),
-    and whether that is hardly anything."""
+def _before(problem: Problem, k: int) -> JointsBefore:
+    """The first k joints over the measurements."""
     revolute = tuple(joint.kind == "revolute" for joint in problem.robot.joints[:k])
     ranges = tuple((np.ptp(problem.joints, axis=0) * problem.robot.display)[:k].tolist())
     most = (_NEARLY_CONSTANT_DEG if each else _NEARLY_CONSTANT_MM for each in revolute)
-    return revolute, ranges, tuple(size <= limit for size, limit in zip(ranges, most, strict=True))
+    little = tuple(size <= limit for size, limit in zip(ranges, most, strict=True))
+    return JointsBefore(revolute=revolute, ranges=ranges, little=little)
 
 
 def _always_parallel(problem: Problem, i: int, j: int) -> bool:
@@ -175,7 +176,7 @@ def _by_its_terms(problem: Problem, direction: Matrix) -> Cause:
     if len(joints) == 1 and joints[0] > 0 and shifted == ("target",):
         return _common_motion(problem, int(joints[0]))
     before = _before(problem, int(joints[-1]) if len(joints) else problem.robot.n)
-    return Equivalent(tuple((joints + 1).tolist()), shifted, *before)
+    return Equivalent(tuple((joints + 1).tolist()), shifted, **vars(before))
 
 
 def too_few_measurements(problem: Problem) -> Mechanism | None:

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform
 from ...model.kinematics.robot import Robot
+from ...model.records import internal, it, record
 from .elements import Chain, Element, chain_of_robot, chain_of_rows
 from .poses import FORMS, Counting, PendantPose, agree, count_of, tolerance
 
@@ -27,21 +28,20 @@ _GRID = np.linspace(-math.pi, math.pi, 721)
 _DECIMALS = range(4)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class EntryChange:
     """One entry that is otherwise than stated, and the arm and reading that follow.
 
-    `entry` is what a person looks for; `old` and `new` are values (mm, degrees) or words; `bound` is by how
-    much a fitted value may be off.
+    `bound` is by how much a fitted value may be off.
     """
 
-    kind: Kind
-    entry: str
-    old: float | str
-    new: float | str
-    chain: Chain
-    reading: Counting
-    bound: float | None = None
+    kind: Annotated[Kind, it("of mistake")]
+    entry: Annotated[str, it("what a person looks for")]
+    old: Annotated[float | str, it("a value (mm, degrees) or a word", name="is")]
+    new: Annotated[float | str, it("by which all poses agree", name="would_be")]
+    chain: Annotated[Chain, internal]
+    reading: Annotated[Counting, internal]
+    bound: Annotated[float | None, internal] = None
 
 
 def listed_changes(source: RobotFile | Robot, chain: Chain, reading: Counting) -> Iterator[EntryChange]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile
 from ...model.kinematics.robot import Robot
+from ...model.records import internal, it, key, record, worded
 from .elements import Chain
 from .entry_changes import EntryChange, chain_of, fitted_changes, listed_changes
 from .poses import Counting, PendantPose, Tolerance, agree, tolerance
@@ -18,30 +19,24 @@ _OTHER_POSTURES = 6  # at which two changed arms are compared
 _LOOSE = 2.0  # share of the tolerance up to which two arms with fitted values are the same
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Deviation:
     """The pose of the file against that of the pendant, what the digits allow, and the larger of the two
     over what they allow."""
 
-    place_mm: float
-    angle_deg: float
-    allowed_mm: float
+    place_mm: Annotated[float, it("of the position", name="mm")]
+    angle_deg: Annotated[float, it("of the orientation", name="deg")]
+    allowed_mm: Annotated[float, it("what the digits allow")]
     allowed_deg: float
-    share: float
+    share: Annotated[float, internal]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class PendantCheck:
     """What poses of the pendant say of an arm's file.
 
     Attributes
     ----------
-    deviations
-        Of each pose; the file agrees where all shares are at most 1.
-    suspects
-        Single changes by which all poses agree; none where the file agrees as it is.
-    same_arm
-        Whether all suspects make the same arm, so that any of them corrects the file.
     tool, frame
         (4, 4) a tool behind the flange, or a frame of the pendant before the base, by which all poses agree
         where no single change does it; None where there is none.
@@ -49,14 +44,24 @@ class PendantCheck:
         Changes that the poses would not show: where the file agrees they are still possible.
     """
 
-    deviations: tuple[Deviation, ...]
-    suspects: tuple[EntryChange, ...]
-    same_arm: bool
-    tool: Matrix | None
-    frame: Matrix | None
-    unchecked: tuple[EntryChange, ...]
+    deviations: Annotated[tuple[Deviation, ...], it("of each pose, from that of the file")]
+    suspects: Annotated[
+        tuple[EntryChange, ...],
+        it("single changes by which all poses agree; none where the file agrees as it is"),
+    ]
+    same_arm: Annotated[bool, it("whether all of them make the same arm, so that any corrects the file")]
+    tool: Annotated[Matrix | None, internal]
+    frame: Annotated[Matrix | None, internal]
+    unchecked: Annotated[tuple[EntryChange, ...], internal]
+    sentences: Annotated[tuple[str, ...] | None, worded("the same in words")] = None
 
     @property
+    @key("entries that the postures leave unchecked", name="unchecked")
+    def unchecked_entries(self) -> list[str]:
+        return list(dict.fromkeys(change.entry for change in self.unchecked))
+
+    @property
+    @key("whether the file agrees")
     def agrees(self) -> bool:
         return all(each.share <= 1 for each in self.deviations)
 

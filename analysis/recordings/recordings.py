@@ -227,23 +227,35 @@ def _root(covariance: Matrix) -> Matrix:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-@dataclass(frozen=True)
-class RecordingCorrelation:
+@record
+class RecordedPart:
+    """Measurements of one recording that follow each other."""
+
+    target: Annotated[str, it("its name")]
+    first_shot: Annotated[int, it("number of the first measurement")]
+    last_shot: Annotated[int, it("number of the last")]
+    shots: Annotated[int, it("how many")]
+
+
+@record
+class RecordingCorrelation(RecordedPart):
     """The correlation of the residuals that follow each other in a recording.
 
-    `first_shot` and `last_shot` are its measurements' numbers. `rho` is without the bias that the fit's
+    `rho` is without the bias that the fit's
     residuals have, `kappa` what it makes of the number of measurements; None where they do not determine it
     (to half a unit, or within -0.98 to 0.98). `p_value` is the probability of a correlation as large if there
     is none (one-sided), None where a recording is too short.
     """
 
-    target: str
-    first_shot: int
-    last_shot: int
-    shots: int
-    rho: float | None
-    kappa: float | None
-    p_value: float | None
+    rho: Annotated[
+        float | None,
+        it(
+            "lag-1 correlation of the normalised residuals, without bias; null where the measurements do not"
+            " determine it to ±0.5 with 95 %, or it is beyond ±0.98"
+        ),
+    ]
+    kappa: Annotated[float | None, it("(1 + ρ) / (1 - ρ)")]
+    p_value: Annotated[float | None, it("one-sided; null with fewer than four measurements")]
 
 
 @record
@@ -251,15 +263,7 @@ class Effective:
     """The effective number of measurements, by the correlation of those that follow each other in a
     recording; of all together it is None as of one."""
 
-    recordings: Annotated[
-        tuple[RecordingCorrelation, ...],
-        it(
-            "consecutive measurements of one target: `target`, `first_shot`, `last_shot`, `shots`, "
-            "`rho` (lag-1 correlation of the normalised residuals, without bias; null where the "
-            "measurements do not determine it to ±0.5 with 95 %, or it is beyond ±0.98), `kappa` ((1 "
-            "+ ρ) / (1 - ρ)), `p_value` (one-sided; null with fewer than four measurements)"
-        ),
-    ]
+    recordings: Annotated[tuple[RecordingCorrelation, ...], it("consecutive measurements of one target")]
     shots: Annotated[int, it("number of all measurements")]
     rho: Annotated[float | None, it("of all recordings together")]
     kappa: Annotated[float | None, it("likewise")]

@@ -23,6 +23,7 @@ from ..status import LACK_OF_FIT
 from .recordings import (
     LARGE,
     SIGNIFICANCE,
+    RecordedPart,
     Recording,
     correlation,
     covariance,
@@ -51,16 +52,12 @@ _STANDS_OUT = 2.0
 
 
 @record
-class RecordingStep:
+class RecordingStep(RecordedPart):
     """A run of measurements of one recording that are off together, or the rest is off these by the opposite.
     Of a `station` it is the instrument that is off, relative to the base."""
 
     kind: Annotated[Literal["step"], it("of the criterion")] = field(default="step", kw_only=True)
 
-    target: Annotated[str, it("its name")]
-    first_shot: Annotated[int, it("number of the first measurement")]
-    last_shot: Annotated[int, it("number of the last")]
-    shots: Annotated[int, it("how many")]
     shift_mm: Annotated[
         tuple[float | None, ...],
         it(

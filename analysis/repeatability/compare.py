@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import field, replace
 from itertools import compress
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self, TypeVar
+from typing import Annotated, ClassVar, Final, Literal, Self, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ...model.errors import UnsoundResult
 from ...model.files.run import Run
 from ...model.records import inline, internal, it, key, record, worded
 from ..holm import holm
+from ..row import StatusRow
 from ..status import versions
 from .consistency import (
     LEVEL,
@@ -30,7 +31,7 @@ from .consistency import (
     mean_of,
     scatter,
 )
-from .repeat import Kind, Repeat, RepeatStatus, RunFinding
+from .repeat import Kind, Repeat, RunFinding
 from .repeats import read_repeats, times
 
 Question = Literal["consistency", "offsets", "odd", "drift"]
@@ -75,21 +76,14 @@ class ComparedOffset:
     ]
 
 
-@record
-class OffsetOfRun:
-    """One offset of one run without any prior, `std` as predicted; raises UnsoundResult for a number of what
-    the run does not determine."""
+@record(repr=False)
+class OffsetOfRun(StatusRow):
+    """One offset of one run without any prior, `std` as predicted."""
 
-    name: str
-    unit: str
-    status: RepeatStatus
+    absent: ClassVar[tuple[str, ...]] = ("held",)
+
     estimate: float | None
     std: float | None
-
-    def __post_init__(self) -> None:
-        claimed = self.estimate is not None or self.std is not None
-        if claimed and self.status not in ("identified", "weak", "assumed", "unvalidated", "stated"):
-            raise UnsoundResult(f"{self.name!r} of a run is {self.status}, but has numbers")
 
 
 @record

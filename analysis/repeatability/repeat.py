@@ -11,12 +11,11 @@ from typing import Literal
 from ...model.arrays import Matrix
 from ..answer.findings import FileWarning, OtherBasins
 from ..misfit import Criterion
-from ..status import Status
+from ..status import RepeatStatus
 
 WHEN = "when"  # the key of a header's provenance that says when a run was made
 Kind = Literal["runs", "results", "table"]
 # `prior`: a prior has a part in it. `stated`, `not stated`: of a table.
-RepeatStatus = Status | Literal["prior", "stated", "not stated"]
 
 
 @dataclass(frozen=True)

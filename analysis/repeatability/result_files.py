@@ -12,12 +12,11 @@ from ...model.parsing.reading import LARGEST_RECORDING, parse_json, read_text
 from ...model.parsing.validation import LARGEST, SMALLEST
 from ..answer.result import RESULT_SCHEMA, Result, parse_result
 from ..misfit import LackOfFit
-from ..status import LACK_OF_FIT
+from ..status import LACK_OF_FIT, RepeatStatus
 from .repeat import (
     WHEN,
     PriorInEstimate,
     Repeat,
-    RepeatStatus,
     RunFinding,
     SharedTolerances,
     StatedMisfit,

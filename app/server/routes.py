@@ -21,7 +21,7 @@ from ...model.errors import BadInput
 from ...model.files.whole_file import write_whole
 from ...model.parsing.confinement import confined
 from ...model.parsing.reading import LARGEST_YAML, parse_json, read_text
-from ...model.records import to_json
+from ...words.sentences import to_json
 from .answers.results import read_result, report_files
 from .end_points import description
 from .folder import Folder, kind_of

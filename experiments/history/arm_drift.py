@@ -6,15 +6,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
 
-from ...analysis.drift.drift import Drift, Jump, Undecided, drift
+from ...analysis.drift.drift import Drift, Jump, OffsetChange, Undecided, drift
 from ...analysis.drift.forecast import HORIZON_YEARS, due_after
 from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
-from ...model.records import if_any, inline, internal, it, key, or_null, record
+from ...analysis.row import ParameterRow
+from ...model.records import inline, internal, it, key, or_null, record
 from .content import Event, Moment, StoredResult
 
 YEAR = timedelta(days=365.25)
@@ -29,57 +30,34 @@ class LeftOut:
     reason: str
 
 
-Change = TypeVar("Change", Jump, Undecided)
-
-
-@record
-class DatedChange(Generic[Change]):
-    """A jump between two results, or a change that may be drift, and the events that were logged in between.
+@record(kw_only=True)
+class DatedChange(OffsetChange):
+    """A change between two results, and the events that were logged in between.
 
     `instruments` are those before and after (of the nearest results that determine the offset) where they
     differ: a bias looks like a jump.
     """
 
-    change: Annotated[Change, internal]
     after: Annotated[Moment, it("time of the result before the change")]
     before: Annotated[Moment, it("time of the result after the change")]
     events: Annotated[tuple[Event, ...], it("logged in between")]
-    changed: Annotated[tuple[str, str] | None, internal]
+    instruments: Annotated[
+        tuple[str | None, str | None] | None,
+        it("before and after, null where not stated; null where it did not change"),
+    ]
 
-    @property
-    @key("its name")
-    def offset(self) -> str:
-        return self.change.offset
 
-    @property
-    @key("of the size")
-    def unit(self) -> str:
-        return self.change.unit
+@record(kw_only=True)
+class DatedJump(Jump, DatedChange):
+    """A jump between two results."""
 
-    @property
-    @key("of the change")
-    def size(self) -> float:
-        return self.change.size
 
-    @property
-    @key("95 % interval of the size")
-    def interval95(self) -> tuple[float, float]:
-        return self.change.interval95
+@record(kw_only=True)
+class DatedUndecided(Undecided, DatedChange):
+    """A change between two results that may be a jump or drift."""
 
-    @property
-    @key("of a jump, adjusted")
-    def p_value(self) -> Annotated[float | None, if_any]:
-        return self.change.p_value if isinstance(self.change, Jump) else None
 
-    @property
-    @key("of what may be drift: the size from which such a change would be a jump")
-    def least_jump(self) -> Annotated[float | None, if_any]:
-        return self.change.least_jump if isinstance(self.change, Undecided) else None
-
-    @property
-    @key("before and after, null where not stated; null where it did not change")
-    def instruments(self) -> tuple[str | None, str | None] | None:
-        return None if self.changed is None else (self.changed[0] or None, self.changed[1] or None)
+Dated = TypeVar("Dated", DatedJump, DatedUndecided)
 
 
 @record
@@ -90,18 +68,11 @@ class Rate:
     interval95: Annotated[tuple[float, float], it("95 % interval")]
 
 
-@record
-class DriftingOffset:
-    """An offset at the last result, by all results."""
+@record(repr=False)
+class DriftingOffset(ParameterRow):
+    """An offset at the last result, by all results: unidentifiable where none determines it since the last
+    `mastering`."""
 
-    name: str
-    unit: str
-    estimate: Annotated[
-        float | None,
-        it("null where no result determines it since the last `mastering`, as the two below"),
-    ]
-    std: Annotated[float | None, it("standard uncertainty")]
-    interval95: Annotated[tuple[float, float] | None, it("95 % interval")]
     rate: Annotated[Rate | None, it("drift rate per root year; null where the results do not determine it")]
 
 
@@ -132,9 +103,9 @@ class ArmDrift:
     used: Annotated[tuple[StoredResult, ...], internal]
     left_out: Annotated[tuple[LeftOut, ...], it("runs that do not count: `sha256` and `reason`")]
     drift: Annotated[Drift | None, internal]
-    jumps: Annotated[tuple[DatedChange[Jump], ...], it("significant changes from one result to the next")]
+    jumps: Annotated[tuple[DatedJump, ...], it("significant changes from one result to the next")]
     undecided: Annotated[
-        tuple[DatedChange[Undecided], ...],
+        tuple[DatedUndecided, ...],
         it("changes that may be a jump or drift: the same keys, `least_jump` instead of `p_value`"),
     ]
     tolerance_mm: Annotated[float, internal]
@@ -186,8 +157,8 @@ def arm_drift(
         else:
             left_out.append(LeftOut(result, reason))
     model, due, reason = None, None, "fewer than two results count"
-    jumps: tuple[DatedChange[Jump], ...] = ()
-    undecided: tuple[DatedChange[Undecided], ...] = ()
+    jumps: tuple[DatedJump, ...] = ()
+    undecided: tuple[DatedUndecided, ...] = ()
     if len(used) >= 2:
         units = {row.name: row.unit for result in used for row in result.offsets}
         at = [result.measured_at for result in used]
@@ -195,13 +166,20 @@ def arm_drift(
         model = drift(series_of([_observation(result, used[0].measured_at) for result in used], units, reset))
         instruments = [result.instrument for result in used]
 
-        def dated(change: Change) -> DatedChange[Change]:
+        def dated(kind: type[Dated], change: Jump | Undecided) -> Dated:
             assert model is not None
-            after, before = at[change.after], at[change.after + 1]
-            changed = change_at(model.series, instruments, change.after, change.offset)
-            return DatedChange(change, after, before, _between(events, after, before), changed)
+            after, before = at[change.place], at[change.place + 1]
+            changed = change_at(model.series, instruments, change.place, change.offset)
+            return kind(
+                **vars(change),
+                after=after,
+                before=before,
+                events=_between(events, after, before),
+                instruments=None if changed is None else (changed[0] or None, changed[1] or None),
+            )
 
-        jumps, undecided = tuple(map(dated, model.jumps)), tuple(map(dated, model.undecided))
+        jumps = tuple(dated(DatedJump, change) for change in model.jumps)
+        undecided = tuple(dated(DatedUndecided, change) for change in model.undecided)
         due, reason = _due(model, used[-1], tolerance_mm)
     if used and (since := _since(events, used[-1].measured_at)):
         due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
@@ -216,6 +194,7 @@ def _now(drift: Drift, name: str) -> DriftingOffset:
     return DriftingOffset(
         name,
         drift.series.units[i],
+        "identified" if known else "unidentifiable",
         value,
         std,
         drift.interval(-1, along) if known else None,

@@ -21,6 +21,7 @@ from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict, has_numbers
 from ...model.arrays import Matrix
+from ...model.errors import UnsoundResult
 from ...model.records import if_any, internal, it, or_null, read, record
 
 Moment = Annotated[
@@ -125,12 +126,12 @@ def checked_moment(value: object) -> datetime:
 
 
 def checked_offset(row: object) -> ParameterRow:
-    """The row of an offset: what a result may say of it, and no more."""
+    """The row of an offset, with all that its status promises."""
     offset = read(ParameterRow, row)
-    for text in (offset.name, offset.unit):
-        checked_text(text)
-    if has_numbers(offset.status) and None in (offset.estimate, offset.std, offset.interval95):
-        raise ValueError(f"{offset.name} is {offset.status}, yet it lacks a number")
+    try:
+        offset.require_whole()
+    except UnsoundResult as error:
+        raise ValueError(str(error)) from None
     return offset
 
 

@@ -1,6 +1,6 @@
-"""A history's database: an SQLite file or PostgreSQL, its tables, opened and copied.
+"""A history's database: an SQLite file or PostgreSQL, its tables, and how it is opened.
 
-Keys are natural, so that a copy into another database needs no numbering. Times are UTC without a zone.
+Keys are natural. Times are UTC without a zone.
 
 A transaction that writes takes SQLite's lock when it begins, so that two writers wait for each other and
 neither fails halfway; readers see the state at their beginning (write-ahead log). A process that is killed
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 import sqlite3
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -32,7 +31,6 @@ VARIABLE = "ZEROBEAM_HISTORY"
 # The tables below. Another schema gets another number, and `_bring_up` a step that makes it of this one.
 REVISION = "0001"
 _BUSY_S = 60  # how long a writer waits for another
-_ROWS = 500  # that are copied at once
 _LOCK = 0x7A65726F  # PostgreSQL: of the session that makes the tables
 
 metadata = sa.MetaData()
@@ -138,7 +136,7 @@ class Database:
             return BadInput(
                 "the history is damaged",
                 found=where,
-                remedy="restore a backup (zerobeam history restore) into a new history",
+                remedy="restore a backup of the database",
             )
         return BadInput(
             "the history cannot be used",
@@ -182,82 +180,9 @@ def default_file() -> Path:
     return Path(platformdirs.user_data_path("zerobeam")) / "history.sqlite"
 
 
-def back_up(source: Database, file: Path, *, force: bool = False) -> int:
-    """Copy everything into a new SQLite file, whole or not at all; returns the number of results.
-
-    Raises BadInput where the file exists, unless `force`d.
-    """
-    if file.exists() and not force:
-        raise BadInput("the file exists", file=file, remedy="name another, or replace it with --force")
-    folder = real_path(file).parent
-    if file.is_dir():
-        raise BadInput("there is a folder of this name", file=file, remedy="name another file")
-    if not folder.is_dir():
-        raise BadInput("the folder to write into does not exist", file=file, remedy="make it first")
-    try:
-        number, beside = tempfile.mkstemp(prefix=".zerobeam-new-", suffix=".sqlite", dir=folder)
-        os.close(number)
-    except OSError as error:
-        raise NotWritten(f"the file cannot be written: {error.strerror}", file=file) from error
-    try:
-        target = _engine(beside, True, journal="DELETE")
-        with target._errors():
-            _bring_up(target, True)
-        copied = _copy(source, target)
-        target.engine.dispose()
-        os.replace(beside, file)
-    except OSError as error:
-        raise NotWritten(f"the file cannot be written: {error.strerror}", file=file) from error
-    finally:
-        for left in (beside, f"{beside}-journal"):
-            Path(left).unlink(missing_ok=True)
-    return copied
-
-
-def restore(file: Path, target: Database) -> int:
-    """Copy a backup into an empty history, whole or not at all; returns the number of results."""
-    if not file.is_file():
-        raise BadInput("there is no such file", file=file)
-    source = _engine(str(file), False, journal=None)
-    with source._errors():
-        _bring_up(source, False)
-    with target.reading() as connection:
-        held = connection.scalar(sa.select(sa.func.count()).select_from(arm))
-    if held:
-        raise BadInput(
-            "the history is not empty: a backup is restored into an empty one",
-            found=f"{held} arms in {target.name}",
-            remedy="name a new database by --db",
-        )
-    return _copy(source, target)
-
-
-def _copy(source: Database, target: Database) -> int:
-    try:
-        return _copied(source, target)
-    except (ValueError, TypeError) as error:
-        raise BadInput(
-            "the history is damaged: a value cannot be read",
-            found=f"{source.name}: {error}",
-            remedy="zerobeam history list --json names the result",
-        ) from None
-
-
-def _copied(source: Database, target: Database) -> int:
-    with source.reading() as old, target.writing() as new:
-        if old.dialect.name == "postgresql":
-            old.execute(sa.text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY"))
-        for table in metadata.sorted_tables:
-            rows = old.execution_options(yield_per=_ROWS).execute(sa.select(table)).mappings()
-            for part in rows.partitions(_ROWS):
-                new.execute(sa.insert(table), [dict(row) for row in part])
-        count = new.scalar(sa.select(sa.func.count()).select_from(result))
-    return int(count or 0)
-
-
-def _engine(address: str, create: bool, journal: str | None = "WAL") -> Database:
+def _engine(address: str, create: bool) -> Database:
     if "://" not in address:
-        return _sqlite(Path(address), create, journal)
+        return _sqlite(Path(address), create)
     try:
         url = sa.make_url(address)
     except SQLAlchemyError:
@@ -265,7 +190,7 @@ def _engine(address: str, create: bool, journal: str | None = "WAL") -> Database
     if url.get_backend_name() == "sqlite":
         if not url.database:
             raise _no_url("an SQLite history is a file")
-        return _sqlite(Path(url.database), create, journal)
+        return _sqlite(Path(url.database), create)
     if url.get_backend_name() != "postgresql":
         raise _no_url(f"{url.get_backend_name()} is no database for a history")
     try:
@@ -283,7 +208,7 @@ def _no_url(what: str) -> BadInput:
     )
 
 
-def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
+def _sqlite(file: Path, create: bool) -> Database:
     require_within(file)
     if create:
         try:
@@ -304,8 +229,8 @@ def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
         connection.isolation_level = None  # transactions begin below, not when Python's module thinks fit
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("PRAGMA synchronous = FULL")
-        if journal is not None and connection.execute("PRAGMA journal_mode").fetchone()[0] != journal.lower():
-            connection.execute(f"PRAGMA journal_mode = {journal}")
+        if connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
+            connection.execute("PRAGMA journal_mode = WAL")
         return connection
 
     def connected_as_may_be() -> sqlite3.Connection:

@@ -6,10 +6,9 @@ from datetime import datetime
 from typing import Annotated, Final, Literal, get_args
 
 from ...analysis.answer.answer_message import Grade, Message
-from ...analysis.drift.drift import Jump
 from ...analysis.status import Verdict
 from ...model.records import if_any, internal, it, key, record
-from .arm_drift import ArmDrift, DatedChange, Due
+from .arm_drift import ArmDrift, DatedJump, Due
 from .content import Event, Moment, StoredResult
 from .fleet_drift import FleetDrift
 
@@ -82,7 +81,7 @@ class ArmState:
     verdict: Verdict | None
     judged: Annotated[Message | None, internal]
     jumps: int
-    clearest: Annotated[DatedChange[Jump] | None, internal]
+    clearest: Annotated[DatedJump | None, internal]
     undecided: Annotated[int, it("changes that may be a jump or drift")] = 0
     next_due: Annotated[Due, it("the next calibration", name="due")]
     page: Annotated[str | None, it("file of its page")] = None

@@ -12,13 +12,13 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ...analysis.drift.drift import ALARM, SPREAD, Drift, Jump
+from ...analysis.drift.drift import ALARM, SPREAD, Drift
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
 from ...analysis.drift.instrument_biases import Bias, ComparableInstruments, MeasuredArm, instrument_biases
 from ...model.arrays import Matrix
 from ...model.records import inline, it, record
 from ..processes import side_by_side
-from .arm_drift import ArmDrift, DatedChange, Rate, arm_drift
+from .arm_drift import ArmDrift, DatedJump, Rate, arm_drift
 from .content import Event, StoredResult
 
 # Of one arm, as `arm_drift` takes them.
@@ -87,7 +87,7 @@ class InstrumentJump:
 
     serial: str
     model: str
-    jump: Annotated[DatedChange[Jump], inline(offset="offset", after="after", before="before")]
+    jump: Annotated[DatedJump, inline(offset="offset", after="after", before="before")]
     biased: Annotated[tuple[str, ...], it("that may be biased", name="instruments")]
 
 
@@ -256,8 +256,7 @@ def _biased_offsets(biases: Sequence[Bias]) -> Iterator[tuple[str, str]]:
 def _suspects(arms: Sequence[ArmDrift], biased_offsets: set[tuple[str, str]]) -> Iterator[InstrumentJump]:
     for arm in arms:
         for jump in arm.jumps:
-            biased = tuple(
-                name for name in jump.changed or () if (name, jump.change.offset) in biased_offsets
-            )
+            named = filter(None, jump.instruments or ())
+            biased = tuple(name for name in named if (name, jump.offset) in biased_offsets)
             if biased:
                 yield InstrumentJump(arm.serial, arm.model, jump, biased)

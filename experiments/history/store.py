@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from ...analysis.answer.answer_message import Message
-from ...analysis.answer.result import parse_result
+from ...analysis.answer.result import Result, parse_result
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import to_json
@@ -380,7 +380,7 @@ def _damage(
     return BadInput(
         f"the history is damaged: {what} cannot be read",
         found=f"arm {', '.join(map(str, of))} in {history.name}: {type(error).__name__}: {error}",
-        remedy=f"restore a backup (zerobeam history restore){remedy}",
+        remedy=f"restore a backup of the database{remedy}",
     )
 
 
@@ -468,8 +468,8 @@ def _named(results: Sequence[StoredResult]) -> str:
     return ", ".join(f"{result.sha256[:_SHORT]} ({result.measured_at:%Y-%m-%d})" for result in results)
 
 
-def whole_answer(history: Database, stored: StoredResult) -> dict[str, Any]:
-    """The whole result.json of a result. BadInput where the history was altered: where that is not the text
+def whole_answer(history: Database, stored: StoredResult) -> Result:
+    """The whole result. BadInput where the history was altered: where that is not the text
     that was added, or says otherwise than the row of the result."""
     try:
         ((_, text),) = documents(history, [stored.sha256])
@@ -480,13 +480,12 @@ def whole_answer(history: Database, stored: StoredResult) -> dict[str, Any]:
     differing = [name for name in kept if getattr(entry, name) != getattr(stored, name)]
     if differing:
         raise _altered(stored, f"its row and its document differ in {', '.join(differing)}")
-    answer: dict[str, Any] = json.loads(text)
-    return answer
+    return parse_result(text)
 
 
 def _altered(stored: StoredResult, what: str) -> BadInput:
     return BadInput(
         "the history was altered",
         found=f"result of run {stored.sha256[:_SHORT]}…: {what}",
-        remedy="restore a backup (zerobeam history restore), or add its result.json anew with --replace",
+        remedy="restore a backup of the database, or add its result.json anew with --replace",
     )

@@ -101,6 +101,44 @@ class ParameterWithShare(ObservedParameter):
         return () if self.coverage is None else (self.coverage,)
 
 
+@dataclass(frozen=True, kw_only=True)
+class JudgedPart:
+    """A part of a study with numbers that must agree with what they should be, and a sentence on them. A
+    `control` is wrong on purpose, and must not agree."""
+
+    name: str
+    control: bool
+    agrees: bool
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedEstimator(JudgedPart):
+    """An estimator on a plan; `converged` counts what it has a fit of.
+
+    Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
+    """
+
+    words: str
+    converged: int
+    parameters: tuple[ObservedParameter, ...]
+
+    def __post_init__(self) -> None:
+        require_sound(self.name, self.control, self.parameters)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOfStudy:
+    """A plan and what was made of it; `failed` counts what was drawn again, or did not end."""
+
+    name: str
+    words: str
+    robot: str
+    shots: int
+    noise: NoiseLevel
+    failed: int
+
+
 def require_sound(subject: str, control: bool, parameters: Iterable[ObservedParameter]) -> None:
     """Raise UnsoundResult if a parameter of `subject` that is not determined has a number, and it is no
     control."""

@@ -25,8 +25,10 @@ from ..procedure.session import PHASES, state_of
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, CellFile
 from .answer import (
     ErrorStatistics,
+    JudgedPart,
     NoiseLevel,
     ParameterWithShare,
+    PlanOfStudy,
     StudyAnswer,
     accuracy,
     agreement_words,
@@ -72,8 +74,8 @@ class ShotsUsed:
     max: int | None = None
 
 
-@dataclass(frozen=True)
-class CellPlan:
+@dataclass(frozen=True, kw_only=True)
+class CellPlan(JudgedPart, PlanOfStudy):
     """One plan: `failed` runs without a result and why, `refused` measurements over all runs, `contradicted`
     runs that contradict the model; `seconds` by phase and in `total`; `saved` is the mean number of postures
     that an adaptive run did without, `computing_s` the real time of a run.
@@ -81,16 +83,7 @@ class CellPlan:
     Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
     """
 
-    name: str
-    words: str
-    control: bool
-    agrees: bool
-    sentence: str
-    robot: str
-    shots: int
-    noise: NoiseLevel
     runs: int
-    failed: int
     failures: tuple[str, ...]
     refused: int
     contradicted: int

@@ -33,14 +33,16 @@ from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
 from .answer import (
     ErrorStatistics,
+    JudgedEstimator,
+    JudgedPart,
     NoiseLevel,
     ObservedParameter,
+    PlanOfStudy,
     Share,
     StudyAnswer,
     accuracy,
     agreement_words,
     held_share,
-    require_sound,
 )
 from .cases import each_piece, heading_of
 from .data_sets import (
@@ -77,23 +79,11 @@ class CoveredParameter(ObservedParameter):
         return self.coverage
 
 
-@dataclass(frozen=True)
-class Estimator:
-    """The coverage of an estimator on a plan; `converged` counts its data sets with a fit.
+@dataclass(frozen=True, kw_only=True)
+class Estimator(JudgedEstimator):
+    """The coverage of an estimator on a plan."""
 
-    Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
-    """
-
-    name: str
-    words: str
-    control: bool
-    agrees: bool
-    converged: int
-    sentence: str
     parameters: tuple[CoveredParameter, ...]
-
-    def __post_init__(self) -> None:
-        require_sound(self.name, self.control, self.parameters)
 
 
 @dataclass(frozen=True)
@@ -108,30 +98,20 @@ class RankedParameter:
     p_value: float | None
 
 
-@dataclass(frozen=True)
-class RankCalibration:
+@dataclass(frozen=True, kw_only=True)
+class RankCalibration(JudgedPart):
     """The rank histograms of one sampler; `power` says which errors the test would detect."""
 
-    name: str
-    control: bool
-    agrees: bool
-    sentence: str
     parameters: tuple[RankedParameter, ...]
     power: str
 
 
-@dataclass(frozen=True)
-class CoveragePlan:
+@dataclass(frozen=True, kw_only=True)
+class CoveragePlan(PlanOfStudy):
     """One plan: `failed` counts truths drawn again because the arm cannot hit the target, `acceptance` is the
     share of the posteriors' proposals that were accepted, `sbc` is simulation-based calibration."""
 
-    name: str
-    words: str
-    robot: str
-    shots: int
-    noise: NoiseLevel
     data_sets: int
-    failed: int
     acceptance: float
     estimators: tuple[Estimator, ...]
     sbc: tuple[RankCalibration, ...]

@@ -202,7 +202,7 @@ def _judged_arm(piece: _Piece, number: int, axis: Matrix) -> JudgedArm:
         p_value = float(random.choice(judged.p_first[np.isfinite(judged.p_first)]))
         return JudgedArm(*held, bool(judged.jumps), p_value, None, False)
     after, joint, size = arm.jump
-    detected = any((one.after, one.offset) == (after, names[joint]) for one in judged.jumps)
+    detected = any((one.place, one.offset) == (after, names[joint]) for one in judged.jumps)
     return JudgedArm(*held, bool(judged.jumps), None, size, detected)
 
 

@@ -38,13 +38,14 @@ from ..plans.candidates import Planned, candidates
 from ..plans.optimal import Planner, Proposal
 from .answer import (
     ErrorStatistics,
+    JudgedEstimator,
     NoiseLevel,
     ParameterWithShare,
+    PlanOfStudy,
     StudyAnswer,
     accuracy,
     agreement_words,
     held_share,
-    require_sound,
 )
 from .cases import each_piece, heading_of
 from .data_sets import DataSets, drawn
@@ -86,25 +87,16 @@ class GeometryParameter(ParameterWithShare):
     checked_std: float | None = None
 
 
-@dataclass(frozen=True)
-class GeometryEstimator:
-    """One way to treat the geometry, on a plan; `converged` counts the arms with a fit, `misfit`
-    those whose answer says that the model does not describe the measurements.
+@dataclass(frozen=True, kw_only=True)
+class GeometryEstimator(JudgedEstimator):
+    """One way to treat the geometry, on a plan; `misfit` counts the arms whose answer says that the model
+    does not describe the measurements."""
 
-    Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
-    """
-
-    name: EstimatorName
-    words: str
-    control: bool
-    agrees: bool
-    converged: int
     misfit: int
-    sentence: str
     parameters: tuple[GeometryParameter, ...]
 
     def __post_init__(self) -> None:
-        require_sound(self.name, self.control, self.parameters)
+        super().__post_init__()
         for row in () if self.control else self.parameters:
             bounds = {"z_low": row.z_low, "z_high": row.z_high}
             require_no_more_than(
@@ -133,20 +125,14 @@ class CheckedOffset:
     freed: float | None
 
 
-@dataclass(frozen=True)
-class GeometryPlan:
+@dataclass(frozen=True, kw_only=True)
+class GeometryPlan(PlanOfStudy):
     """One plan: `chosen_for` the geometry that it was made for, None where it was not chosen; `failed` counts
     arms drawn again because they cannot hit the target."""
 
-    name: str
-    words: str
     chosen_for: ChosenFor | None
-    robot: str
-    shots: int
-    noise: NoiseLevel
     tolerance: ToleranceLevel
     arms: int
-    failed: int
     efficiency: float | None
     checked: tuple[CheckedOffset, ...]
     estimators: tuple[GeometryEstimator, ...]

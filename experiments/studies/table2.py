@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from scipy import optimize, stats
@@ -17,10 +18,12 @@ from scipy import optimize, stats
 from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
-from ...analysis.status import Status, has_numbers, require_no_more_than
+from ...analysis.row import StatusRow
+from ...analysis.status import Status
 from ...model.arrays import Matrix, Progress
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
+from ...model.records import record
 from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, CellFile
 from .answer import StudyAnswer
@@ -57,18 +60,15 @@ class SimulatedStd:
     q97_5: float
 
 
-@dataclass(frozen=True)
-class ScatterParameter:
+@record(repr=False)
+class ScatterParameter(StatusRow):
     """An offset: the paper's std of three runs with its 95 % interval, the std predicted at the joint noise
     that explains the scatter best, the joint noise that this offset alone requires, the std of three runs in
-    the simulated cell, and of many simulated triples.
+    the simulated cell, and of many simulated triples."""
 
-    Raises UnsoundResult where an unidentifiable offset has one of the latter four.
-    """
+    claims = ("predicted_std", "alone_deg", "simulated_std", "simulated")
+    absent: ClassVar[tuple[str, ...]] = ("held",)
 
-    name: str
-    unit: str
-    status: Status
     paper_std: float
     low: float
     high: float
@@ -76,20 +76,6 @@ class ScatterParameter:
     alone_deg: float | None = None
     simulated_std: float | None = None
     simulated: SimulatedStd | None = None
-
-    def __post_init__(self) -> None:
-        require_no_more_than(
-            self.name,
-            self.status,
-            predicted_std=self.predicted_std,
-            alone_deg=self.alone_deg,
-            simulated_std=self.simulated_std,
-            simulated=self.simulated,
-        )
-
-    @property
-    def is_known(self) -> bool:
-        return has_numbers(self.status)
 
 
 @dataclass(frozen=True)

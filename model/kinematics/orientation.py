@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..arrays import Matrix
 from ..errors import BadInput
+from ..records import it, key, record
 from .transforms import euler, shift
 
 _LARGEST = 1e6  # mm, deg
@@ -29,32 +30,31 @@ def angles_of(rotation: Matrix, axes: str = "xyz") -> Three:
     return _three(np.where(angles < -_HALF_TURN, np.pi, angles))
 
 
-@dataclass(frozen=True)
+@record
 class Orientation:
-    """One orientation in each of the forms; angles in degrees, the rotation vector in radians.
+    """One orientation in each of the forms; angles in degrees, the rotation vector in radians."""
 
-    Attributes
-    ----------
-    quaternion
-        (w, x, y, z), w at least 0: q1 to q4 of ABB. ROS writes (x, y, z, w).
-    roll_pitch_yaw
-        About the fixed axes x, y, z in this order: W, P, R of FANUC, Rx, Ry, Rz of Yaskawa, roll, pitch and
-        yaw of UFACTORY and of a URDF. A, B, C of KUKA are the same backwards: yaw, pitch, roll.
-    rotation_vector
-        The axis times the angle, at most pi long: rx, ry, rz of Universal Robots.
-    xyz
-        About x, then the new y, then the new z: Rx, Ry, Rz of Stäubli.
-    zyz
-        About z, then the new y, then the new z: O, A, T of Kawasaki, A, B, C of Doosan.
-    """
-
-    quaternion: tuple[float, float, float, float]
-    roll_pitch_yaw: Three
-    rotation_vector: Three
-    xyz: Three
-    zyz: Three
+    quaternion: Annotated[
+        tuple[float, float, float, float],
+        it("(w, x, y, z), w at least 0: q1 to q4 of ABB. ROS writes (x, y, z, w)"),
+    ]
+    roll_pitch_yaw: Annotated[
+        Three,
+        it(
+            "about the fixed axes x, y, z in this order: W, P, R of FANUC, Rx, Ry, Rz of Yaskawa, roll, pitch"
+            " and yaw of UFACTORY and of a URDF"
+        ),
+    ]
+    rotation_vector: Annotated[
+        Three, it("the axis times the angle, at most π long: rx, ry, rz of Universal Robots")
+    ]
+    xyz: Annotated[Three, it("about x, then the new y, then the new z: Rx, Ry, Rz of Stäubli")]
+    zyz: Annotated[
+        Three, it("about z, then the new y, then the new z: O, A, T of Kawasaki, A, B, C of Doosan")
+    ]
 
     @property
+    @key("A, B, C of KUKA: yaw, pitch, roll")
     def abc(self) -> Three:
         """A, B, C of KUKA, degrees."""
         roll, pitch, yaw = self.roll_pitch_yaw

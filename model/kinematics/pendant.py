@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix
 from ..errors import BadInput
+from ..records import internal, key, record
 from .robot import J3, PendantUnit, Robot
 
 COUNTED_FROM_GROUND = ("fanuc",)  # vendors whose pendants do so: where nothing is stated, it is asked for
@@ -67,15 +69,15 @@ def nearest_limit(robot: Robot, joints: Matrix, i: int) -> Limit:
     )
 
 
-@dataclass(frozen=True)
+@record
 class Pendant:
     """The pendant of a robot; `override` is what --j3 states.
 
     Joints are (…, n) degrees (mm if prismatic), joint 3 from link 2, joint 1 first, where a method does not
     say otherwise."""
 
-    robot: Robot
-    override: J3 | None = None
+    robot: Annotated[Robot, internal]
+    override: Annotated[J3 | None, internal] = None
 
     def __post_init__(self) -> None:
         if self.joint3 == "ground" and (
@@ -88,6 +90,7 @@ class Pendant:
             )
 
     @property
+    @key("what joint 3 is counted from")
     def joint3(self) -> J3:
         return self.override or self.robot.conventions.joint3 or "link"
 
@@ -113,6 +116,10 @@ class Pendant:
         return changed
 
     @property
+    @key(
+        "by how many times joint 2 each joint, joint 1 first, is less in the pendant's counting than with"
+        " joint 3 from link 2"
+    )
     def less_joint2(self) -> list[float]:
         """(n,) by how many times joint 2 each joint, joint 1 first, is less as the controller counts it."""
         ones = np.eye(self.robot.n)[1:2]  # joint 2 at one, the others at zero
@@ -157,6 +164,7 @@ class Pendant:
         return self.per_degree()
 
     @property
+    @key("that it shows")
     def unit(self) -> PendantUnit:
         return self.robot.conventions.unit
 
@@ -166,6 +174,17 @@ class Pendant:
         return list(self.robot.conventions.order or range(self.robot.n))
 
     @property
+    @key("in which it shows the joints, from 1", name="order")
+    def numbers(self) -> list[int]:
+        return [i + 1 for i in self.order]
+
+    @property
+    @key("whether the robot file states `joint3`", name="stated")
+    def states_joint3(self) -> bool:
+        return self.robot.conventions.joint3 is not None
+
+    @property
+    @key("of the joints, joint 1 first")
     def names(self) -> list[str]:
         """What the pendant calls the joints, joint 1 first."""
         return list(self.robot.conventions.names or (f"J{i}" for i in range(1, self.robot.n + 1)))

@@ -3,15 +3,13 @@ the figure; and what a certificate takes from it."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, Verified, acceptance_json
+from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, Verified
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
-from ...words.acceptance_words import ACCEPTANCE_WORDS
+from ...model.records import read, to_json
 from ..output.whole_folder import FolderContents, Kind, write_answer
 from .acceptance_page import acceptance_page, errors_picture
 
@@ -23,38 +21,30 @@ def write_acceptance_report(folder: Path | str, verified: Verified) -> None:
     """Write the report of an acceptance test to `folder`. Raises as `write_answer`."""
     tables = {_TABLE: [asdict(posture) for posture in verified.measured.postures]}
     picture = errors_picture(verified.measured)
-    contents = FolderContents(acceptance_json(verified), acceptance_page(verified), [picture], tables)
+    contents = FolderContents(to_json(verified), acceptance_page(verified), [picture], tables)
     write_answer(folder, ACCEPTANCE, contents)
 
 
-def read_acceptance(folder: Path, sha256: str) -> dict[str, Any]:
+def read_acceptance(folder: Path, sha256: str) -> Verified:
     """The answer in the folder of a verification of the calibration by the run of this hash.
 
     BadInput for a folder without one, and for that of another calibration.
     """
     file = folder / ACCEPTANCE.mark
     try:
-        answer = json.loads(read_text(file, LARGEST_RECORDING)[0])
-        if answer["schema"] != ACCEPTANCE_SCHEMA:
-            raise ValueError(f"schema {answer['schema']!r}")
-        of, measured = answer["calibration"]["sha256"], answer["measured"]
-        for when in ("before", "after"):
-            if measured[when] is not None:
-                _ = [float(measured[when][key]) for key in ("rms_mm", "worst_mm")]
-        if answer["verdict"] not in ACCEPTANCE_WORDS or not isinstance(answer["run"]["sha256"], str):
-            raise ValueError("no verdict, or no run")
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        answer = read(Verified, read_text(file, LARGEST_RECORDING)[0])
+    except ValueError as error:
         raise BadInput(
             "this is not the report of a verification",
-            found=f"{type(error).__name__}: {error}",
+            found=str(error),
             allowed="a folder that zerobeam verify RUN NEW -o DIR wrote",
             file=file,
         ) from None
-    if of != sha256:
+    if (of := answer.calibration.sha256) != sha256:
         raise BadInput(
             "this verification is of another calibration",
             found=f"SHA-256 {of}",
             allowed=f"{sha256}, the run of the result that is certified",
             file=file,
         )
-    return dict(answer)
+    return answer

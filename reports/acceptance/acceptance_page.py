@@ -8,8 +8,7 @@ from ...analysis.acceptance.acceptance import Acceptance, AcceptancePlan, Accept
 from ...analysis.acceptance.measured_error import MeasuredError, PostureError
 from ...analysis.status import Verdict as Tone
 from ...analysis.status import versions
-from ...experiments.acceptance_files import Verified
-from ...model.files.run import Run
+from ...experiments.acceptance_files import RunOfTest, Verified
 from ...words import numbers
 from ...words.acceptance_words import (
     ACCEPTANCE_WORDS,
@@ -59,24 +58,24 @@ _NOTHING_ENTERED = (
 
 def acceptance_page(verified: Verified) -> Page:
     """All that the report of an acceptance test shows."""
-    answer, measured = verified.answer, verified.measured
+    measured, labels = verified.measured, verified.calibration.recorded.header.labels
     names = [posture.target for posture in measured.postures]
     return Page(
         "Verification of a calibration",
-        f"{clipped(verified.calibration.robot.name)}, {counted(answer.measurements, 'measurement')} of"
-        f" {clipped(verified.run.path.name, 60)}",
-        Verdict(_TONES[answer.verdict], ACCEPTANCE_WORDS[answer.verdict], acceptance_reason(answer)),
+        f"{clipped(verified.calibration.recorded.robot.name)},"
+        f" {counted(verified.measurements, 'measurement')} of {clipped(verified.run.file, 60)}",
+        Verdict(_TONES[verified.verdict], ACCEPTANCE_WORDS[verified.verdict], acceptance_reason(verified)),
         list(_notes(verified)),
         [
             section_of(
                 "Measured before and after",
                 Paragraph(measured_sentence(measured)),
                 FigureBlock(NAME),
-                _errors_table(measured, measured_at(names, verified.calibration.header.labels)),
+                _errors_table(measured, measured_at(names, labels)),
                 Paragraph(f"{CONTROLLERS_MODEL} The noise is the standard deviation of one measurement."),
                 brief=True,
             ),
-            section_of("The test and its rule", *_test(answer), brief=True),
+            section_of("The test and its rule", *_test(verified), brief=True),
             section_of("What was compared", _compared(verified)),
             section_of("Approval", Form(_approved(verified.run), ("Signature",))),
         ],
@@ -89,12 +88,12 @@ def acceptance_page(verified: Verified) -> Page:
 
 def _notes(verified: Verified) -> Iterator[str]:
     runs = (verified.calibration, verified.run)
-    if any(by_plain_key(run.header.provenance).get("origin") == SIMULATED for run in runs):
+    if any(by_plain_key(run.provenance).get("origin") == SIMULATED for run in runs):
         yield "These measurements were simulated: no robot was verified."
 
 
-def _entry(run: Run, name: str) -> str:
-    return provenance_entry(by_plain_key(run.header.provenance), KEYS[name])
+def _entry(run: RunOfTest, name: str) -> str:
+    return provenance_entry(by_plain_key(run.provenance), KEYS[name])
 
 
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
@@ -151,8 +150,8 @@ def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:
 def _compared(verified: Verified) -> Table:
     runs = (verified.calibration, verified.run)
     rows = [
-        row_of("Run", *(shown(run.path.name) for run in runs)),
-        row_of("Measurements", *(str(len(run.shots)) for run in runs)),
+        row_of("Run", *(shown(run.file) for run in runs)),
+        row_of("Measurements", *(str(len(run.recorded.shots)) for run in runs)),
         *(
             row_of(name, *(_entry(run, name) or _UNKNOWN for run in runs))
             for name in (SERIAL, DATE, OPERATOR)
@@ -163,8 +162,8 @@ def _compared(verified: Verified) -> Table:
     return table_of("The two runs", ["", "calibration, as found", "verification, as left"], rows, "l")
 
 
-def _approved(run: Run) -> list[tuple[str, str]]:
-    provenance = by_plain_key(run.header.provenance)
+def _approved(run: RunOfTest) -> list[tuple[str, str]]:
+    provenance = by_plain_key(run.provenance)
     return [("Approved by", provenance_entry(provenance, KEYS["Authorised by"])), ("Date of approval", "")]
 
 

@@ -211,7 +211,7 @@ def _why(history: ArmHistory) -> str:
     if arm.drift is None:
         return f"{'One result counts' if arm.used else 'No result counts'}: a drift needs two. "
     if arm.undecided:
-        largest = max(arm.undecided, key=lambda one: abs(one.change.size) / one.change.least_jump)
+        largest = max(arm.undecided, key=lambda one: abs(one.size) / one.least_jump)
         return f"{change_sentence(largest)}: {UNDECIDED}. "
     return ""
 
@@ -228,16 +228,14 @@ def _notes(history: ArmHistory) -> Iterator[str]:
             yield "Few drift rates explain these results: intervals and p-values are approximate"
     mentioned = history.state.clearest if history.state.state in ("jump", "jump without event") else None
     others = [
-        f"{label(one.change.offset)}, {day(one.after)} to {day(one.before)}"
+        f"{label(one.offset)}, {day(one.after)} to {day(one.before)}"
         for one in arm.jumps
         if one is not mentioned
     ]
     if others:
         yield f"{'Jumps' if mentioned is None else 'Other jumps'}: {listed(others, 4)}"
     if len(arm.undecided) > (UNDECIDED in headline(history).sentence):  # that of one change is said there
-        either = [
-            f"{label(one.change.offset)}, {day(one.after)} to {day(one.before)}" for one in arm.undecided
-        ]
+        either = [f"{label(one.offset)}, {day(one.after)} to {day(one.before)}" for one in arm.undecided]
         yield f"Jump or drift ({UNDECIDED}): {listed(either, 4)}"
     if arm.left_out and arm.used:
         left = len(arm.left_out)

@@ -13,14 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ...analysis.answer.answer_message import Message
-from ...analysis.answer.result import parse_result
+from ...analysis.answer.result import Inputs, Result
+from ...analysis.observability.geometry_result import GeometryResult
+from ...analysis.solution import ParameterResult
 from ...analysis.status import known, versions
+from ...experiments.acceptance_files import Verified
 from ...experiments.history.content import StoredResult
 from ...experiments.history.database import Database
 from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
-from ...model.instruments.registry import kinds_of
 from ...model.records import dumps, it, record, to_json
 from ...words.message import read_message
 from ...words.provenance import (
@@ -42,8 +44,6 @@ if TYPE_CHECKING:
 Json = dict[str, Any]  # of a result.json, or of a certificate
 SCHEMA = "zerobeam/certificate/1"
 _DIGITS = 16  # hexadecimal, of an identification
-_OFFSET = ("name", "unit", "status", "held", "estimate", "std", "interval95")
-_INTERVALS = ("name", "unit", "linear", "profile", "posterior")
 
 
 @record
@@ -68,48 +68,43 @@ class SignatureChecks:
 
 
 def certificate_json(
-    result: StoredResult, answer: Json, fingerprint: str, issued: date, acceptance: Json | None = None
+    stored: StoredResult, result: Result, fingerprint: str, issued: date, acceptance: Verified | None = None
 ) -> Json:
-    """The certificate of a result for the key of this fingerprint; `answer` is the whole result,
-    `acceptance` what `read_acceptance` gives.
+    """The certificate of a result for the key of this fingerprint; `result` is the whole one of the history.
 
     BadInput for a misfit, for a fit that did not converge, where no offset is determined, and where something
-    else speaks against the result. What the data
-    do not determine has no number.
+    else speaks against the result. What the data do not determine has no number.
     """
-    message = read_message(parse_result(json.dumps(answer)))
-    _require_certifiable(result, answer, message)
-    offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
-    row = to_json(result)
+    message = read_message(result)
+    _require_certifiable(stored, result, message)
+    fit, geometry, entered = result.likelihood, result.geometry, result.enter
+    k = result.coverage_factor or _coverage_factor(result)
+    row = to_json(stored)
     del row["without_prior"]
-    header, fit = answer["inputs"]["header"], answer["fits"]["likelihood"]
-    k = answer.get("coverage_factor") or _coverage_factor(offsets)
     content = {
         **row,
         "issued": issued.isoformat(),
-        "form": _form(header),
-        "vendor": answer["inputs"].get("vendor"),
-        "simulated": by_plain_key(header.get("provenance") or {}).get("origin") == SIMULATED,
+        "form": _form(result.inputs),
+        "vendor": result.inputs.vendor,
+        "simulated": by_plain_key(result.inputs.provenance).get("origin") == SIMULATED,
         "grade": message.grade,
-        "headline": answer["headline"],
+        "headline": result.headline,
         "coverage": {"k": k, "probability": 0.95},
-        "offsets": [_offset(row, answer["geometry"], k) for row in offsets],
-        "not_determined": [row["name"] for row in offsets if row["status"] == "unidentifiable"],
-        "intervals": _intervals(answer),
-        "as_found": {"tcp": (answer.get("enter") or {}).get("tcp_before")},
-        "expected": {"tcp": (answer.get("enter") or {}).get("tcp_after")},
+        "offsets": [_offset(row, geometry, k) for row in result.offsets],
+        "not_determined": [row.name for row in result.offsets if row.status == "unidentifiable"],
+        "intervals": _intervals(result),
+        "as_found": {"tcp": entered and entered.tcp_before},
+        "expected": {"tcp": entered and entered.tcp_after},
         "as_left": None if acceptance is None else _as_left(acceptance),
-        "conformity": answer.get("conformity"),
-        "assumed": _assumed(answer),
-        "misfit": answer["misfit"],
-        "fit": {
-            **{key: fit[key] for key in ("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message")},
-            "rms_deg": fit.get("rms_deg"),
-        },
-        "notes": answer["notes"],
+        "conformity": result.conformity,
+        "assumed": _assumed(result),
+        "misfit": result.misfit,
+        "fit": _of(fit, "rms_mm", "chi2", "dof", "p_value", "noise_scale", "message", "rms_deg"),
+        "notes": result.notes,
         "key": {"algorithm": ALGORITHM, "fingerprint": fingerprint},
         "written_by": versions()["zerobeam"],
     }
+    content = to_json(content)
     # ISO/IEC 17025:2017, 7.8.2.1 d: no other certificate has it, whether a laboratory numbers them or not.
     digest = sha256(json.dumps(content, sort_keys=True).encode())[:_DIGITS]
     return {
@@ -119,10 +114,14 @@ def certificate_json(
     }
 
 
-def _require_certifiable(result: StoredResult, answer: Json, message: Message) -> None:
+def _of(answer: object, *names: str) -> dict[str, object]:
+    return {name: getattr(answer, name) for name in names}
+
+
+def _require_certifiable(stored: StoredResult, result: Result, message: Message) -> None:
     if message.may.certify:
         return
-    of = f"run {result.run}, SHA-256 {result.sha256[:12]}…"
+    of = f"run {stored.run}, SHA-256 {stored.sha256[:12]}…"
     if result.verdict == "misfit":
         raise BadInput(
             "a misfit is not certified: the model does not describe the measurements",
@@ -130,7 +129,7 @@ def _require_certifiable(result: StoredResult, answer: Json, message: Message) -
             allowed="a result with the verdict pass, weak or degenerate",
             remedy="find the cause (zerobeam report), measure again, or name another result by --run",
         )
-    converged = answer["fits"]["likelihood"]["converged"]
+    converged = result.likelihood.converged
     if not converged or not any(known(row.status) for row in result.offsets):
         why = "the result determines no offset" if converged else "the fit did not converge"
         raise BadInput(
@@ -146,86 +145,84 @@ def _require_certifiable(result: StoredResult, answer: Json, message: Message) -
     )
 
 
-def _form(header: Json) -> Json:
+def _form(inputs: Inputs) -> Json:
     """What the run's provenance states of laboratory, customer, conditions and instruments; null where it
     states nothing."""
-    provenance = by_plain_key(header.get("provenance") or {})
+    provenance = by_plain_key(inputs.provenance)
     return {
         **{key: provenance_entry(provenance, KEYS[name]) or None for key, name in CERTIFICATE_KEYS.items()},
         "instruments": [
             {"name": name, "text": provenance_entry(provenance, keys) or None}
-            for name, keys in traced(kinds_of(header).values())
+            for name, keys in traced(inputs.instruments.values())
         ],
     }
 
 
-def _coverage_factor(offsets: list[Json]) -> float:
+def _coverage_factor(result: Result) -> float:
     """k of the 95 % intervals, of a result that does not state it: one for all, since all have the degrees of
     freedom of the fit."""
-    row = next(row for row in offsets if known(row["status"]))
-    low, high = row["interval95"]
-    return float((high - low) / 2 / row["std"])
+    row = next(row for row in result.offsets if known(row.status))
+    assert row.interval95 is not None
+    assert row.std is not None
+    low, high = row.interval95
+    return (high - low) / 2 / row.std
 
 
-def _as_left(acceptance: Json) -> Json:
+def _as_left(acceptance: Verified) -> Json:
     """The error measured with the corrected robot, and the verdict of the acceptance test."""
-    measured = acceptance["measured"]
-    provenance = by_plain_key(acceptance["run"].get("provenance") or {})
+    run = acceptance.run
     return {
-        **{key: acceptance[key] for key in ("verdict", "measurements", "dof", "p_value", "false_alarm")},
-        "power_required": acceptance["power_required"],
-        "error_mm": {key: measured[key] for key in ("before", "after", "noise_mm")},
-        "run": acceptance["run"]["file"],
-        "sha256": acceptance["run"]["sha256"],
-        "measured_on": provenance_entry(provenance, KEYS[DATE]) or None,
+        **_of(acceptance, "verdict", "measurements", "dof", "p_value", "false_alarm", "power_required"),
+        "error_mm": _of(acceptance.measured, "before", "after", "noise_mm"),
+        "run": run.file,
+        "sha256": run.sha256,
+        "measured_on": provenance_entry(by_plain_key(run.provenance), KEYS[DATE]) or None,
     }
 
 
-def _offset(row: Json, geometry: Json, k: float) -> Json:
+def _offset(row: ParameterResult, geometry: GeometryResult, k: float) -> Json:
     """`expanded` is U = k u; `considered_std` is u if the arm deviates from the nominal geometry that was
     assumed."""
-    determined = known(row["status"])
     # What is only as good as an assumption has no number on a certificate, but its reason.
-    numbers = {} if row["status"] != "assumed" else dict.fromkeys(("estimate", "std", "interval95"))
-    considered = geometry["consider"].get(row["name"]) if geometry["tolerance"] is None else None
+    numbers = {} if row.status != "assumed" else dict.fromkeys(("estimate", "std", "interval95"))
+    considered = geometry.consider.get(row.name) if geometry.tolerance is None else None
+    determined = known(row.status) and row.std is not None
     return {
-        **{key: row[key] for key in _OFFSET},
+        **_of(row, "name", "unit", "status", "held", "estimate", "std", "interval95"),
         **numbers,
-        "expanded": k * row["std"] if determined else None,
+        "expanded": k * row.std if determined and row.std is not None else None,
         "considered_std": considered if determined else None,
-        "reason": row["reason"],
+        "reason": row.reason,
     }
 
 
-def _intervals(answer: Json) -> list[Json]:
+def _intervals(result: Result) -> list[Json]:
     """Of the offsets whose 95 % interval differs from method to method."""
-    offsets = {row["name"] for row in answer["parameters"] if row["group"] == "offset"}
+    offsets = {row.name for row in result.offsets}
     return [
-        {key: row[key] for key in _INTERVALS}
-        for row in answer["intervals"]
-        if row["name"] in offsets and row["differ"]
+        _of(row, "name", "unit", "linear", "profile", "posterior")
+        for row in result.intervals
+        if row.name in offsets and row.differ
     ]
 
 
-def _assumed(answer: Json) -> Json:
+def _assumed(result: Result) -> Json:
     """What the result rests on besides the measurements."""
-    header, geometry = answer["inputs"]["header"], answer["geometry"]
-    tool = header.get("tool")
-    free = [row for row in answer["parameters"] if not row["held"] and row["group"] != "noise"]
-    priors = {(row["group"], row["unit"], row["prior_std"]): None for row in free if row["prior_std"]}
+    header, rows = result.inputs.header, result.parameters
+    tool: Any = header.get("tool")
+    free = [row for row in rows if not row.held and row.group != "noise"]
+    priors = {(row.group, row.unit, row.prior_std): None for row in free if row.prior_std}
     return {
-        "geometry": {key: geometry[key] for key in ("tolerance", "factors", "considered_tolerance")},
+        "geometry": _of(result.geometry, "tolerance", "factors", "considered_tolerance"),
         "tool": tool
         and {"kind": tool["kind"], "calibrated": tool.get("calibrated", True), "sigma": tool.get("sigma")},
         "instruments": header.get("instruments") or {},
         "noise": header["noise"],
         "noise_factors": [
-            {key: row[key] for key in ("name", "status", "estimate", "std")}
-            for row in answer["parameters"]
-            if row["group"] == "noise"
+            _of(row, "name", "status", "estimate", "std") for row in rows if row.group == "noise"
         ],
         "priors": [{"group": group, "unit": unit, "std": std} for group, unit, std in priors],
-        "held": [row["name"] for row in answer["parameters"] if row["held"]],
+        "held": [row.name for row in rows if row.held],
         "tolerance": header.get("tolerance"),
     }
 
@@ -275,21 +272,21 @@ _KIND = Kind.of_answer("certificate", JSON, SCHEMA, *(signature_file(Path(name))
 
 def write_certificate(
     folder: Path | str,
-    result: StoredResult,
-    answer: Json,
+    stored: StoredResult,
+    result: Result,
     key: Ed25519PrivateKey,
     issued: date,
     acceptance: Path | None = None,
 ) -> str:
     """Write the certificate of a result, signed by `key`; returns the key's fingerprint.
 
-    `answer` is the whole result, `acceptance` the folder of the acceptance test of the corrected robot.
-    Raises BadInput where it cannot be certified, or where `folder` is a file, is not ours, or cannot be
-    written.
+    `result` is the whole one of the history, `acceptance` the folder of the acceptance test of the corrected
+    robot. Raises BadInput where it cannot be certified, or where `folder` is a file, is not ours, or cannot
+    be written.
     """
     by = fingerprint(key.public_key())
-    verified = None if acceptance is None else read_acceptance(acceptance, result.sha256)
-    certificate = certificate_json(result, answer, by, issued, verified)
+    verified = None if acceptance is None else read_acceptance(acceptance, stored.sha256)
+    certificate = certificate_json(stored, result, by, issued, verified)
 
     def sign_all(new_folder: Path) -> None:
         beside = {name: sha256((new_folder / name).read_bytes()) for name in SIGNED if name != JSON}

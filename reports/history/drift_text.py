@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from ...analysis.drift.drift import Jump, Undecided
 from ...analysis.drift.instrument_biases import Bias
-from ...experiments.history.arm_drift import ArmDrift, DatedChange, DriftingOffset, Rate
+from ...experiments.history.arm_drift import ArmDrift, DatedChange, DatedJump, DriftingOffset, Rate
 from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, InstrumentJump, ModelWalk
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, shown
@@ -89,13 +88,10 @@ def jumps_blocks(arm: ArmDrift) -> Iterator[Block]:
     """The jumps, the changes that may be one, and what was logged in between."""
     if arm.jumps:
         caption = "Jumps; p-values adjusted for the number of tests (Bonferroni)"
-        jumps = [(jump, numbers.p_value(jump.change.p_value)) for jump in arm.jumps]
+        jumps = [(jump, numbers.p_value(jump.p_value)) for jump in arm.jumps]
         yield _changes_table(caption, "p-value", jumps)
     if arm.undecided:
-        least = [
-            (dated, numbers.significant(dated.change.least_jump, 2, dated.change.unit))
-            for dated in arm.undecided
-        ]
+        least = [(dated, numbers.significant(dated.least_jump, 2, dated.unit)) for dated in arm.undecided]
         yield _changes_table(f"Jump or drift: {UNDECIDED}", "a jump from", least)
     elif not arm.jumps:
         yield Paragraph(without_jump(arm))
@@ -108,16 +104,14 @@ def without_jump(arm: ArmDrift) -> str:
     return "No change from one result to the next exceeds their uncertainty."
 
 
-def _changes_table(
-    caption: str, head: str, rows: Sequence[tuple[DatedChange[Jump] | DatedChange[Undecided], str]]
-) -> Table:
+def _changes_table(caption: str, head: str, rows: Sequence[tuple[DatedChange, str]]) -> Table:
     """Changes, each with what stands in the column `head`."""
     heads = ("offset", "between", "change", head, "events")
     cells = [
         row_of(
-            Cell(label(dated.change.offset), mark="weak"),
+            Cell(label(dated.offset), mark="weak"),
             f"{day(dated.after)} to {day(dated.before)}",
-            _change(dated.change),
+            _change(dated),
             text,
             ", ".join(_happened(dated)) or "none logged",
         )
@@ -126,36 +120,35 @@ def _changes_table(
     return table_of(caption, heads, cells, "llrrl")
 
 
-def _change(change: Jump | Undecided) -> str:
+def _change(change: DatedChange) -> str:
     low, high = change.interval95
     return numbers.interval(change.interval95, max((high - low) / 4, 1e-12), change.unit)
 
 
-def change_sentence(dated: DatedChange[Jump] | DatedChange[Undecided]) -> str:
+def change_sentence(change: DatedChange) -> str:
     """Offset, size and dates of a change."""
-    change: Jump | Undecided = dated.change
-    between = f"between {day(dated.after)} and {day(dated.before)}"
+    between = f"between {day(change.after)} and {day(change.before)}"
     return f"{label(change.offset)} changed by {_change(change)} {between}"
 
 
-def _happened(change: DatedChange[Jump] | DatedChange[Undecided]) -> Iterator[str]:
+def _happened(change: DatedChange) -> Iterator[str]:
     for event in change.events:
         yield f"{event.what} {day(event.at)} {shown(event.note)}".strip()
-    if change.changed is not None:
-        before, after = (clipped(name) if name else "not stated" for name in change.changed)
-        changed = "changed" if all(change.changed) else "may have changed"
+    if change.instruments is not None:
+        before, after = (clipped(name) if name else "not stated" for name in change.instruments)
+        changed = "changed" if all(change.instruments) else "may have changed"
         yield f"instrument {changed}, a possible cause: {before} to {after}"
 
 
 def _clearest(arm: ArmDrift) -> str:
-    clearest = min(arm.jumps, key=lambda jump: jump.change.p_value, default=None)
+    clearest = min(arm.jumps, key=lambda jump: jump.p_value, default=None)
     return clearest_jump(clearest, len(arm.undecided)) or "none"
 
 
-def clearest_jump(jump: DatedChange[Jump] | None, undecided: int) -> str:
+def clearest_jump(jump: DatedJump | None, undecided: int) -> str:
     """In a list of arms: offset of a jump and the result that shows it, or how many changes may be one."""
     if jump is not None:
-        return f"{label(jump.change.offset)}, {jump.before:%Y-%m-%d}"
+        return f"{label(jump.offset)}, {jump.before:%Y-%m-%d}"
     return f"{undecided} undecided" if undecided else ""
 
 
@@ -335,7 +328,7 @@ def _not_determined(fleet: FleetDrift) -> Iterator[str]:
 def _suspect(suspect: InstrumentJump) -> str:
     biased = " or ".join(clipped(name, 24) for name in suspect.biased)
     return (
-        f"The jump of {label(suspect.jump.change.offset)} of {clipped(suspect.serial, 24)} before"
+        f"The jump of {label(suspect.jump.offset)} of {clipped(suspect.serial, 24)} before"
         f" {suspect.jump.before:%Y-%m-%d} is at a change of instrument: the bias of {biased} is a possible"
         " cause."
     )

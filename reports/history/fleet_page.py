@@ -66,7 +66,7 @@ def fleet_page(fleet: Fleet) -> Page:
         *_reasons(fleet),
         section_of("All arms", _every(fleet)),
         *_together(fleet),
-        section_of("How it is worked out", Facts(list(_about(fleet)))),
+        section_of("How it is worked out", Facts(list(_about()))),
     ]
     return Page(
         "All arms",
@@ -142,7 +142,7 @@ def _row(fleet: Fleet, row: ArmState) -> Row:
     )
 
 
-def _about(fleet: Fleet) -> Iterator[tuple[str, str]]:
+def _about() -> Iterator[tuple[str, str]]:
     yield "Due date", DUE_MEANS
     yield (
         "Overdue",

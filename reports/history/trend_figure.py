@@ -133,7 +133,7 @@ def _panel(axes: Axes, arm: ArmDrift, drift: Drift, name: str, ahead_years: floa
         axes.vlines(at, values - halves, values + halves, color=colour, linewidth=0.7 if crowded else 1.2)
         axes.plot(at, values, SHAPES[status], color=colour, markersize=2 if crowded else 3.8)
     for jump in arm.jumps:
-        if jump.change.offset == name:
+        if jump.offset == name:
             axes.axvspan(_day(jump.after), _day(jump.before), color=light("weak"), alpha=0.25, linewidth=0)
     begins = [0, *(t + 1 for t in drift.series.reset)]
     for begin, end in zip(begins, [*(begin - 1 for begin in begins[1:]), len(days) - 1], strict=True):
@@ -306,8 +306,8 @@ def _alt(arm: ArmDrift, drift: Drift, names: Sequence[str]) -> str:
         parts.append(
             f"{label(name)} in {counted(len(observed), 'result')}: {' to '.join(dict.fromkeys(ends))}"
         )
-    jumps = [f"{label(jump.change.offset)} before {day(jump.before)}" for jump in arm.jumps]
-    undecided = [f"{label(change.change.offset)} before {day(change.before)}" for change in arm.undecided]
+    jumps = [f"{label(jump.offset)} before {day(jump.before)}" for jump in arm.jumps]
+    undecided = [f"{label(change.offset)} before {day(change.before)}" for change in arm.undecided]
     either = f"Jump or drift: {listed(undecided)}." if undecided else without_jump(arm)
     changed = f"Jumps: {listed(jumps)}." if jumps else either
     return f"Offsets over time, ± standard uncertainty. {'; '.join(parts)}. {changed}"

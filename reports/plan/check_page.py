@@ -109,5 +109,5 @@ def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:
         return row_of(name, word, Cell(NOT_DETERMINED, span=4), tone=status)
     alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
     before = numbers.spread(row.prior_std, unit)
-    worth = worth_column(geometry)[1](row) if row.group == "offset" or geometry.stated else ""
+    worth = worth_column(geometry)[1](row) if row.group == "offset" or geometry.tolerance is not None else ""
     return row_of(name, word, numbers.spread(row.std, unit), worth, alone, before, tone=status)

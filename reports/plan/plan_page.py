@@ -91,7 +91,7 @@ def plan_scene(plan: Plan, postures: Postures) -> Scene3D:
     count, axes = len(postures.joints), axes_of(plan.robot, postures.joints)
     return Scene3D(
         [
-            replace(posture_in_scene(plan, postures, i, f"posture {i} (of 0 to {count - 1})"), axes=axes[i])
+            replace(posture_in_scene(postures, i, f"posture {i} (of 0 to {count - 1})"), axes=axes[i])
             for i in range(count)
         ],
         [Placed(name, at, "nominal") for name, at in _places(plan, postures)],
@@ -108,7 +108,7 @@ def _places(plan: Plan, postures: Postures) -> Iterator[tuple[str, Matrix]]:
             yield name, at
 
 
-def posture_in_scene(plan: Plan, postures: Postures, i: int, name: str) -> Posed:
+def posture_in_scene(postures: Postures, i: int, name: str) -> Posed:
     end = postures.end[i] if postures.beam else None
     return Posed(name, postures.arm[i], postures.origin[i], end, bool(postures.reaches[i]))
 

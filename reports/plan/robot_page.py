@@ -112,7 +112,7 @@ def _pose(pose: ShownPose, arm: ShownArm) -> Section:
     outside = [pendant.names[number - 1] for number in pose.outside]
     turned = pose.orientation
     forms = [
-        ("X, Y, Z", pose.place_mm, 2, "mm", "all"),
+        ("X, Y, Z", pose.xyz_mm, 2, "mm", "all"),
         ("q1, q2, q3, q4", turned.quaternion, 5, "", "ABB"),
         ("A, B, C", turned.abc, 3, "deg", "KUKA"),
         ("W, P, R", turned.roll_pitch_yaw, 3, "deg", "FANUC, roll pitch yaw"),

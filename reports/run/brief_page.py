@@ -57,7 +57,7 @@ def brief_page(result: Result) -> Page:
     """The answer of `analyse`: parameters, what cannot be determined, fit, second opinions. What follows from
     a wrong model is not shown."""
     wrong = result.misfit is not None
-    worth = offsets_worth(result) if result.geometry.stated else None
+    worth = offsets_worth(result) if result.geometry.tolerance is not None else None
     details = [] if wrong else other_tables(result.parameters, result.coverage_factor)
     directions = Directions([direction_words(each) for each in result.identifiability.null_space])
     posterior = ended(posterior_sentence(result))

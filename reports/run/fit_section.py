@@ -6,9 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...analysis.answer.result import AngleResult, DistanceResult, LikelihoodSummary, MidpointSummary, Result
+from ...analysis.answer.result import AngleResult, DistanceResult, LikelihoodSummary, Result
 from ...analysis.diagnostics.hold_out import HoldOut
 from ...analysis.diagnostics.outliers import Robust
+from ...analysis.estimation.midpoint import MidpointFit
 from ...analysis.observability.power import LIMIT_U, DetectionPower
 from ...analysis.posterior.intervals import Intervals
 from ...words import numbers
@@ -69,7 +70,7 @@ def _likelihood_facts(fit: LikelihoodSummary, separate: bool) -> dict[str, str]:
     }
 
 
-def _midpoint_facts(fit: MidpointSummary) -> dict[str, str]:
+def _midpoint_facts(fit: MidpointFit) -> dict[str, str]:
     return {
         "Converged": _converged(fit),
         "Iterations": str(fit.iterations),
@@ -77,7 +78,7 @@ def _midpoint_facts(fit: MidpointSummary) -> dict[str, str]:
     }
 
 
-def _converged(fit: LikelihoodSummary | MidpointSummary) -> str:
+def _converged(fit: LikelihoodSummary | MidpointFit) -> str:
     return f"{'yes' if fit.converged else 'NO'}: {sentence(fit.reason)}"
 
 

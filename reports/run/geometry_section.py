@@ -179,7 +179,7 @@ def ladder_table(result: Result) -> Table | None:
 def geometry_lines(result: Result) -> list[str]:
     """What the terminal says of the geometry, a line each."""
     geometry = result.geometry
-    if not geometry.stated or result.misfit is not None or not result.likelihood.converged:
+    if geometry.tolerance is None or result.misfit is not None or not result.likelihood.converged:
         return []
     lines = []
     if geometry.factors is not None:

@@ -70,7 +70,7 @@ def offsets_section(result: Result) -> Section:
     return section_of(
         "Offsets",
         offsets_table(result),
-        None if worth is None or not result.geometry.stated else Paragraph(worth),
+        None if worth is None or result.geometry.tolerance is None else Paragraph(worth),
         Legend(legend((row.status for row in others), result.inputs.header), reasons(others)),
         FigureBlock("offsets"),
     )
@@ -116,7 +116,7 @@ def worth_column(geometry: GeometryResult, k: float = 1.0) -> tuple[str, Callabl
         value = None if row.std is None else geometry.consider.get(row.name)
         return NO_NUMBER if value is None else numbers.spread(k * value, unit_of(row.unit))
 
-    if geometry.stated:
+    if geometry.tolerance is not None:
         return SET_BY_TOLERANCES, share
     return IF_IT_DEVIATES if k == 1 else IF_IT_DEVIATES.replace("u", "U", 1), considered
 

@@ -153,7 +153,7 @@ def _effective_sentence(effective: Effective, result: Result) -> str:
     if effective.divisor == 1:
         return f"Successive residuals of a recording are not correlated beyond chance ({measure})."
     used = "their information is divided by κ"
-    if result.misfit is not None and not result.geometry.stated:
+    if result.misfit is not None and result.geometry.tolerance is None:
         used = "a misfit by nominal geometry is left as it is"
     return (
         f"Successive residuals of a recording are correlated ({measure}):"

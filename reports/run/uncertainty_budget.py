@@ -46,7 +46,7 @@ def budget_section(result: Result) -> Section | None:
 
 def _lead(result: Result) -> str:
     held = [label(row.name) for row in result.parameters if row.held]
-    exact = [] if result.geometry.stated else ["the robot’s geometry"]
+    exact = [] if result.geometry.tolerance is not None else ["the robot’s geometry"]
     if result.inputs.calibrated and not any(row.group == "tool" for row in result.parameters):
         exact.append("the calibrated tool")
     text = (

@@ -78,7 +78,7 @@ def coverage_page(answer: CoverageStudy) -> Page:
             ],
             "coverage.csv and ranks.csv hold the shares and the ranks",
         ),
-        *(section for i, plan in enumerate(plans, start=1) for section in _plan(plan, settings, i)),
+        *(section for i, plan in enumerate(plans, start=1) for section in _plan(plan, i)),
     ]
     if text := comparison(plans):
         title = "The midpoint fit against the likelihood fit"
@@ -111,7 +111,7 @@ def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
 # ── one plan ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _plan(plan: CoveragePlan, settings: CoverageSettings, number: int) -> list[Section]:
+def _plan(plan: CoveragePlan, number: int) -> list[Section]:
     facts = [
         ("Plan", sentence(plan.words)),
         ("Robot", clipped(plan.robot)),

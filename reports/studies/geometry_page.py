@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 from ...experiments.studies.geometry_coverage import (
     CheckedOffset,
@@ -219,25 +219,9 @@ def z_text(row: GeometryParameter) -> str:
     return f"{numbers.fixed(row.z, digits)} ({low} to {high})"
 
 
-@dataclass(frozen=True)
-class _PlanWithFreeGeometry:
-    """A plan by its estimator with free geometry, as the figure of the shares takes it."""
-
-    name: str
-    control: bool
-    agrees: bool
-    sentence: str
-    parameters: tuple[GeometryParameter, ...]
-
-
 def geometry_pictures(answer: GeometryStudy) -> list[Picture | None]:
     plans, level = answer.plans, answer.settings.level
-    parts = [
-        _PlanWithFreeGeometry(plan.name, one.control, one.agrees, one.sentence, one.parameters)
-        for plan in plans
-        for one in plan.estimators
-        if one.name == "freed"
-    ]
+    parts = [replace(one, name=plan.name) for plan in plans for one in plan.estimators if one.name == "freed"]
     counts = [row.coverage.of for part in parts for row in part.parameters if row.coverage is not None]
     title = f"How often the {percent(level)} intervals hold the truth, with the geometry estimated"
     shares = coverage_picture(parts, [level], min(counts, default=1), "coverage", title) if parts else None

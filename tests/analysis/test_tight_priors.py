@@ -11,11 +11,11 @@ from cells import irb1600
 from measured_arms import CELLS, Cell, recorded, tracker
 from scipy import stats
 
-from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.misfit import Misfit
 from zerobeam.analysis.solution import judge
-from zerobeam.analysis.tight_priors import TightPrior, tight_priors, tolerance_groups
+from zerobeam.analysis.tight_priors import TightPrior, Tolerances, tight_priors
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit_words import criterion_sentence, larger_tolerance
 
@@ -61,6 +61,12 @@ def test_gravity_beyond_its_prior_is_named_with_what_the_prior_would_have_to_be(
     assert "deflection under gravity is too small" in sentence
     assert "instead of 0.05" in sentence
     assert "geometry.gravity_deg: 0." in larger_tolerance(prior)
+
+
+def tolerance_groups(fit: LikelihoodFit) -> list[TightPrior]:
+    """All groups of which the data determine something, each judged with the others as they are stated."""
+    tolerances = Tolerances(fit)
+    return [tolerances.row(name) for name in tolerances.groups]
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ def test_a_run_is_solved_as_analyse_does_and_only_once(kept: Path) -> None:
         assert zerobeam("history", "add", run).out.startswith("0 added, 1 already there")
 
 
-def test_it_is_exported_backed_up_and_restored(kept: Path) -> None:
+def test_it_is_exported(kept: Path) -> None:
     table, plain = kept / "table.csv", kept / "all.json"
     assert zerobeam("history", "export", "-o", table).status == 0
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
@@ -100,11 +100,6 @@ def test_it_is_exported_backed_up_and_restored(kept: Path) -> None:
     assert len(exported["results"]) == 2
     assert exported == {**zerobeam("history", "list", "--json").json, "events": []}
     assert ".csv or .json" in zerobeam("history", "export", "-o", kept / "x.xls").refused()
-    backup, new = kept / "backup.sqlite", kept / "new.sqlite"
-    assert zerobeam("history", "backup", backup).status == 0
-    assert zerobeam("history", "restore", backup, "--db", new).out.startswith("2 results")
-    copied = zerobeam("history", "list", "--json", "--db", new)
-    assert copied.json == zerobeam("history", "list", "--json").json
 
 
 def test_without_the_extra_it_says_how_to_install_it() -> None:

@@ -70,7 +70,7 @@ def test_a_pipe_as_a_history_is_not_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     result = write_result(tmp_path / "result.json", a_result())
-    for words in (("list",), ("show", "A-1"), ("drift",), ("add", result), ("backup", tmp_path / "b.sqlite")):
+    for words in (("list",), ("show", "A-1"), ("drift",), ("add", result)):
         zerobeam("history", *words, "--db", pipe).refused()
     assert not (tmp_path / "b.sqlite").exists()
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.experiments.new_robot import LIKE, RobotEntries, content_of, typed_lengths, write_robot
+from zerobeam.experiments.command_options import NewRobotOptions
+from zerobeam.experiments.new_robot import LIKE, content_of, typed_lengths, write_robot
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot, read_robot
 
@@ -20,7 +21,7 @@ SHEETS = {
     "tx2_90": ("staubli", "height=478 shoulder=50 side=50 upper=425 forearm=425 wrist=100"),
     "gp12": ("yaskawa", "height=450 shoulder=155 upper=614 elbow=200 forearm=640 wrist=100"),
 }
-RANGES = ("-170 170 200",) * 6
+RANGES = ["-170 170 200"] * 6
 
 
 def test_each_maker_has_a_sheet_here() -> None:
@@ -31,7 +32,7 @@ def test_each_maker_has_a_sheet_here() -> None:
 def test_an_arm_from_its_data_sheet(tmp_path: Path, name: str) -> None:
     vendor, lengths = SHEETS[name]
     path = tmp_path / "mine.yaml"
-    write_robot(path, content_of(RobotEntries("mine", vendor, lengths=typed_lengths(lengths), ranges=RANGES)))
+    write_robot(path, content_of("mine", NewRobotOptions(vendor, sheet=lengths, ranges=RANGES))[0])
     mine, arm = read_robot(path), load_robot(name)
     for joints in np.random.default_rng(0).uniform(-100, 100, (5, 6)):
         np.testing.assert_allclose(mine.fk(joints, "deg"), arm.fk(joints, "deg"), rtol=0, atol=1e-8)
@@ -42,18 +43,18 @@ def test_an_arm_from_its_data_sheet(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("entries", "message"),
+    ("options", "message"),
     [
-        (RobotEntries("a", "abb"), "neither"),
-        (RobotEntries("a", "abb", rows=("1 2 3",)), "speed optional"),
-        (RobotEntries("a", "abb", rows=("0 0 100 0 90 -90",)), "lower_deg"),
-        (RobotEntries("a", "abb", lengths=typed_lengths("height=1 upper=2 forearm=3 wrist=4")), "a range"),
-        (RobotEntries("a", "nachi", lengths={}, ranges=RANGES), "--row"),
+        (NewRobotOptions("abb"), "neither"),
+        (NewRobotOptions("abb", row=["1 2 3"]), "speed optional"),
+        (NewRobotOptions("abb", row=["0 0 100 0 90 -90"]), "lower_deg"),
+        (NewRobotOptions("abb", sheet="height=1 upper=2 forearm=3 wrist=4"), "a range"),
+        (NewRobotOptions("nachi", sheet="", ranges=RANGES), "--row"),
     ],
 )
-def test_entries_that_make_no_arm_are_refused(entries: RobotEntries, message: str) -> None:
+def test_entries_that_make_no_arm_are_refused(options: NewRobotOptions, message: str) -> None:
     with pytest.raises(BadInput, match=message):
-        content_of(entries)
+        content_of("a", options)
 
 
 def test_lengths_that_are_missing_are_named() -> None:

@@ -59,7 +59,7 @@ def typed(content: Json | StudyAnswer) -> Any:
     if isinstance(content, StudyAnswer):
         return content
     answer = {key: value for key, value in content.items() if key != "schema"}
-    return TypeAdapter(_KINDS[content["study"]]).validate_python(answer)
+    return TypeAdapter(_KINDS[content["study"]]).validate_python(answer, strict=False)
 
 
 def agreeing() -> Json:

@@ -280,8 +280,8 @@ def _parameter(
     rng: np.random.Generator | None, name: str, std: float, midpoint: float | None
 ) -> CaseParameter:
     if math.isnan(std):
-        return CaseParameter(name, "offset", "deg", "unidentifiable")
-    one = CaseParameter(name, "offset", "deg", "weak" if std > TOLERANCE else "identified", std)
+        return CaseParameter(name, "deg", "unidentifiable", "offset")
+    one = CaseParameter(name, "deg", "weak" if std > TOLERANCE else "identified", "offset", std)
     if rng is None:
         return one
     held = int(rng.binomial(RUNS, 0.95))

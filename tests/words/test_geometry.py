@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from zerobeam.analysis.estimation.tolerance_factors import Factors
-from zerobeam.analysis.observability.geometry_result import Confounded, GeometryResult, Rung
+from zerobeam.analysis.observability.geometry_result import Confounded, GeometryResult, LinkTolerances, Rung
 from zerobeam.words.geometry_words import (
     confounded_sentence,
     factors_sentence,
@@ -26,9 +26,8 @@ class Row:
 
 
 NOMINAL = GeometryResult(
-    stated=False,
-    length_mm=0.3,
-    angle_deg=0.1,
+    tolerance=None,
+    considered_tolerance=LinkTolerances(0.3, 0.1),
     factors=None,
     ladder=(),
     consider={"delta2": 0.018, "delta3": 0.0901, "delta4": None},
@@ -37,7 +36,7 @@ NOMINAL = GeometryResult(
 )
 STATED = replace(
     NOMINAL,
-    stated=True,
+    tolerance=NOMINAL.considered_tolerance,
     at_half={"delta2": 0.004, "delta3": 0.006},
     at_twice={"delta2": 0.02, "delta3": 0.04},
     confounded=(
@@ -82,7 +81,7 @@ def test_degrees_and_millimetres_are_not_mixed() -> None:
 
 
 def test_tolerances_of_each_link_are_a_range() -> None:
-    own = replace(STATED, length_mm=(0.1, 0.5), angle_deg=(0.1, 0.1))
+    own = replace(STATED, considered_tolerance=LinkTolerances((0.1, 0.5), (0.1, 0.1)))
     assert tolerances_words(own) == "0.1\u00a0mm to 0.5\u00a0mm and 0.1°"
 
 

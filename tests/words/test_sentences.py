@@ -66,8 +66,8 @@ def test_the_keys_are_those_of_the_design() -> None:
         *("midpoint", "tolerance_share", "reason", "held"),
     ]
     assert list(answer["geometry"]) == [
-        *("factors", "ladder", "consider", "at_half", "at_twice", "confounded"),
         *("tolerance", "considered_tolerance"),
+        *("factors", "ladder", "consider", "at_half", "at_twice", "confounded"),
     ]
     assert list(answer["fits"]) == ["likelihood", "midpoint"]
     assert {"converged", "iterations", "cost", "rms_mm", "chi2", "dof", "p_value"} <= set(

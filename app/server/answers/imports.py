@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ....experiments.arm_shown import JointLimits
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import joint_conventions
 from ....experiments.makers.contents import Contents
@@ -93,13 +94,9 @@ class RecordingAnswer(Contents):
 
 
 @record(kw_only=True)
-class JointColumn:
+class JointColumn(JointLimits):
     """A joint as its column has it."""
 
-    name: str
-    unit: str
-    lower: float
-    upper: float
     recorded: Annotated[Ends | None, it("range of the column; null without one")]
     seen: Annotated[Ends | None, it("range of the joint; null where the unit is not stated")]
     outside: Annotated[int | None, it("rows outside the limits")]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 
 from ....analysis.answer.answer_message import Message
 from ....analysis.observability.aim import AimedPlan, aim_plan
@@ -33,7 +33,6 @@ from ....words.geometry_words import check_lines
 from ....words.message import message as message_of
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.plan_words import violation_words
-from ....words.sentences import to_json
 from ..folder import Folder
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import Versioned, replacing, version_of, version_of_sum
@@ -132,20 +131,19 @@ class CheckRemarks:
     over_target: str | None
 
 
-class CheckAnswer(BaseModel):
+@record(kw_only=True, eq=False)
+class CheckAnswer(Check):
     """`zerobeam/check/1` with its message and action; with `scene` also what a picture needs and what the
     command prints besides."""
-
-    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     message: Message
     action: OfferedAction
     marks: Annotated[list[CellMark] | None, if_any] = None
     scene: Annotated[list[PostureScene] | None, if_any] = None
-    touched_boxes: Annotated[list[int] | None, if_any] = None
+    touched_boxes: Annotated[list[bool] | None, if_any] = None
     null_motion: Annotated[list[NullMotion] | None, if_any] = None
     said: Annotated[CheckRemarks | None, if_any] = None
-    warnings: list[str]
+    warnings: tuple[str, ...]
 
 
 @record(kw_only=True)
@@ -246,19 +244,17 @@ def check(
         checked = check_plan(aimed.plan, aimed)
         message = message_of(checked)
         offered = action_of_plan(checked, message.action)
-        content = {**to_json(checked), "message": message, "action": offered}
-        answer = CheckAnswer(**content, warnings=notes)
+        answer = CheckAnswer(**vars(checked), message=message, action=offered)
         if scene:
-            answer = answer.model_copy(
-                update={
-                    "scene": _scene(aimed, checked.violations, links=links),
-                    "marks": list(_marks(aimed)),
-                    "touched_boxes": touched_boxes(aimed),
-                    "null_motion": _null_motion(checked),
-                    "said": _remarks(checked),
-                }
+            answer = replace(
+                answer,
+                scene=_scene(aimed, checked.violations, links=links),
+                marks=list(_marks(aimed)),
+                touched_boxes=touched_boxes(aimed),
+                null_motion=_null_motion(checked),
+                said=_remarks(checked),
             )
-    return answer
+    return replace(answer, warnings=tuple(notes))
 
 
 @end_point("POST /api/without", "What a plan is without each of its postures.")

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BeforeValidator
 
-from ....experiments.arm_shown import ShownArm, arm_json, shown_arm
+from ....experiments.arm_shown import ShownArm, shown_arm
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef, UrdfRef
@@ -35,10 +35,9 @@ class BuiltInRobot:
     model: Annotated[str | None, it("null where it is not stated")]
 
 
-class DrawnArm(BaseModel):
+@record(kw_only=True, eq=False)
+class DrawnArm(ShownArm):
     """`zerobeam/arm/1` (docs/files.md), and the arm in its first posture, in the base frame."""
-
-    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     skeleton: Annotated[list[list[float]], it("n + 2 points, mm: base, joints, flange")]
     axes: Annotated[list[list[float]], it("n unit vectors, of the joints")]
@@ -124,7 +123,7 @@ def arm_of(arm: ShownArm, notes: list[str] | None = None) -> DrawnArm:
     placed = ca.Function("arm", [theta], [ca.densify(part) for part in parts])
     points, axes, links = (np.array(part) for part in placed(arm.poses[0].joints))
     return DrawnArm(
-        **arm_json(arm),
+        **vars(arm),
         skeleton=rounded(points.T, 3),
         axes=rounded(axes.T, 9),
         links=rounded(links.reshape(3, -1, 4).transpose(1, 0, 2), 6),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from ....analysis.answer.answer_message import Grade
 from ....analysis.answer.result import Result
-from ....analysis.status import Status, Verdict
+from ....analysis.row import StatusRow
+from ....analysis.status import Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
 from ....model.records import if_any, it, record
@@ -29,12 +30,11 @@ _HEADERS, _BRIEFS = Kept(2000), Kept(2000)
 
 
 @record(kw_only=True)
-class BriefOffset:
+class BriefOffset(StatusRow):
     """An offset of a result, which is not held."""
 
-    name: str
-    unit: str
-    status: Status
+    absent: ClassVar[tuple[str, ...]] = ("held",)
+
     estimate: float | None
     std: float | None
 

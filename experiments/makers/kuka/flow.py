@@ -191,7 +191,7 @@ class ModuleFrames:
             return self._to(word, self._numbered(word, whole(tree.children[0])))
         if kind in ("tool_of_data", "base_of_data"):
             data = self._data(tree.children[0])
-            return self._to(word, lambda state: _of_data(state, self.names, word, data))
+            return self._to(word, lambda state: _of_data(state, word, data))
         if kind == "data_of_frames":
             data = self._data(tree.children[0])
             return lambda state: assigned(state, "data", [data])
@@ -245,7 +245,7 @@ class ModuleFrames:
         for word in ("tool", "base"):
             frames: set[Value] = set(values(state, word)) if perhaps else set()
             for data in values(state, "data"):
-                frames |= _of_data(state, self.names, word, data)
+                frames |= _of_data(state, word, data)
             result = assigned(result, word, frames)
         return result
 
@@ -259,7 +259,7 @@ def _of_number(word: str, index: int | None) -> Callable[[State], Values]:
     return lambda state: values(state, f"{word} {index}")
 
 
-def _of_data(state: State, names: KrlNames, word: str, data: Value) -> Values:
+def _of_data(state: State, word: str, data: Value) -> Values:
     if data[0] == "numbers":
         numbers = data[1]
         assert isinstance(numbers, tuple)

@@ -10,13 +10,15 @@ import math
 import statistics
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from ....analysis.status import Status, Verdict, has_numbers, require_no_more_than
+from ....analysis.row import StatusRow
+from ....analysis.status import Status, Verdict
 from ....model.errors import UnsoundResult
 from ....model.likelihood.parameters import Group
+from ....model.records import record
 from ..answer import StudyAnswer
 from .study_file import Settings, SettingValues
 
@@ -49,29 +51,18 @@ class LikelihoodErrors(RunErrors):
     agrees: bool | None = None
 
 
-@dataclass(frozen=True)
-class CaseParameter:
-    """An offset or a tool parameter of a case: its status, predicted standard uncertainty and errors.
+@record(repr=False)
+class CaseParameter(StatusRow):
+    """An offset or a tool parameter of a case: its status, predicted standard uncertainty and errors."""
 
-    Raises UnsoundResult where one that is unidentifiable or held has a number.
-    """
+    claims = ("std", "likelihood", "midpoint")
+    absent: ClassVar[tuple[str, ...]] = ("held",)
 
-    name: str
-    group: Group
-    unit: str
     status: Status
+    group: Group
     std: float | None = None
     likelihood: LikelihoodErrors | None = None
     midpoint: RunErrors | None = None
-
-    def __post_init__(self) -> None:
-        require_no_more_than(
-            self.name, self.status, std=self.std, likelihood=self.likelihood, midpoint=self.midpoint
-        )
-
-    @property
-    def is_known(self) -> bool:
-        return has_numbers(self.status)
 
     @property
     def is_angular_offset(self) -> bool:

@@ -119,7 +119,7 @@ def studied_case(case: Case, seed: int) -> GridCase:
     rows = []
     for i in which:
         item = parameters.items[i]
-        row = CaseParameter(item.name, item.group, item.unit, identified.status[i])
+        row = CaseParameter(item.name, item.unit, identified.status[i], item.group)
         if i in known:
             row = replace(row, std=float(std[i]) * item.display)
         if i in known and runs is not None:

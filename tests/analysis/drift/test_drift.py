@@ -40,7 +40,7 @@ def on_grid(steps: Matrix) -> tuple[Matrix, Matrix]:
 def test_a_jump_is_found_where_it_is_and_no_other() -> None:
     found = drift(steady(0.3))
     (jump,) = found.jumps
-    assert (jump.offset, jump.after) == ("delta3", 5)
+    assert (jump.offset, jump.place) == ("delta3", 5)
     assert jump.p_value < 0.01
     assert jump.interval95[0] < 0.3 < jump.interval95[1]
     assert jump.interval95[0] < jump.size < jump.interval95[1]
@@ -90,7 +90,7 @@ def test_a_jump_of_a_hundred_uncertainties_is_found_in_two_results(offsets: int)
     states = np.zeros((2, 5))
     states[1, :offsets] = 1.0
     found = drift(yearly(states))
-    assert [(own.offset, own.after) for own in found.jumps] == [(name, 0) for name in FIVE[:offsets]]
+    assert [(own.offset, own.place) for own in found.jumps] == [(name, 0) for name in FIVE[:offsets]]
     assert all(own.p_value < 0.01 for own in found.jumps)
     assert found.undecided == ()
 
@@ -102,7 +102,7 @@ def test_what_may_be_a_jump_or_drift_is_undecided() -> None:
     found = drift(yearly(states))
     assert found.jumps == ()
     (change,) = found.undecided
-    assert (change.offset, change.after) == ("delta3", 0)
+    assert (change.offset, change.place) == ("delta3", 0)
     assert change.interval95[0] < 0.2 < change.interval95[1]
     assert change.interval95[1] - change.interval95[0] == pytest.approx(2 * 1.96 * 0.01 * 2**0.5, rel=0.01)
     for factor, number in ((0.9, 0), (1.1, 1)):

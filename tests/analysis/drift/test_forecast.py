@@ -47,8 +47,8 @@ def test_it_breaks_at_a_jump_and_goes_on_as_a_forecast() -> None:
     (jump,) = found.jumps
     times = [own.at for own in found.series.observations]
     before, after, forecast = bands(found, jump.offset, 2.0)
-    assert before.at[-1] == times[jump.after]
-    assert after.at[0] == times[jump.after + 1]
+    assert before.at[-1] == times[jump.place]
+    assert after.at[0] == times[jump.place + 1]
     assert (forecast.forecast, forecast.at[0], forecast.at[-1]) == (True, times[-1], times[-1] + 2.0)
     width = forecast.high - forecast.low
     assert (np.diff(width) > 0).all()

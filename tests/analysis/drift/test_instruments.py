@@ -179,8 +179,8 @@ def test_directions_without_information_are_those_that_no_change_connects(orders
 def test_a_jump_at_a_change_of_instrument_says_so() -> None:
     found = measured(walked(np.random.default_rng(2), STEADY, 8), "AAAABBBB", {"B": (0.0, 0.4)})
     (jump,) = found.drift.jumps
-    assert change_at(found.drift.series, found.instruments, jump.after, jump.offset) == ("A", "B")
-    assert change_at(found.drift.series, "AAAAAAAA", jump.after, jump.offset) is None
+    assert change_at(found.drift.series, found.instruments, jump.place, jump.offset) == ("A", "B")
+    assert change_at(found.drift.series, "AAAAAAAA", jump.place, jump.offset) is None
 
 
 @pytest.mark.long

@@ -49,7 +49,7 @@ def test_the_cost_is_eq_8(good):
     _, problem, fit = good
     residual = plain_residual(problem.joints, fit.x[:6], [range(8)])
     assert fit.cost == pytest.approx(residual @ residual / 2, rel=1e-9)
-    assert fit.rms == pytest.approx(np.sqrt((residual.reshape(-1, 3) ** 2).sum(axis=1).mean()), rel=1e-9)
+    assert fit.rms_mm == pytest.approx(np.sqrt((residual.reshape(-1, 3) ** 2).sum(axis=1).mean()), rel=1e-9)
 
 
 def test_the_minimum_by_scipy(good):

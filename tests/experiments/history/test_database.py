@@ -10,7 +10,7 @@ import pytest
 import sqlalchemy as sa
 
 from zerobeam.experiments.history import database as tables
-from zerobeam.experiments.history.database import back_up, default_file, open_history, restore
+from zerobeam.experiments.history.database import default_file, open_history
 from zerobeam.model.errors import BadInput
 
 # What the versions that made the tables by Alembic wrote: `.schema` of a history of theirs.
@@ -70,9 +70,6 @@ def test_a_newer_history_is_refused(tmp_path: Path) -> None:
     for create in (False, True):
         with pytest.raises(BadInput, match=r"newer version[\s\S]*0999[\s\S]*update zerobeam"):
             open_history(str(file), create=create)
-    new = open_history(str(tmp_path / "empty.sqlite"), create=True)
-    with pytest.raises(BadInput, match="newer version"):
-        restore(file, new)
 
 
 def everything(folder: Path) -> dict[str, bytes]:
@@ -178,11 +175,6 @@ def test_where_the_history_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert default_file().name == "history.sqlite"
 
 
-def test_a_backup_goes_nowhere_where_it_cannot_be_written(tmp_path: Path) -> None:
-    made = open_history(str(tmp_path / "history.sqlite"), create=True)
-    with pytest.raises(BadInput, match="does not exist"):
-        back_up(made, tmp_path / "no folder" / "backup.sqlite")
-    with pytest.raises(BadInput, match="there is a folder of this name"):
-        back_up(made, tmp_path, force=True)
+def test_a_folder_is_no_history(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="this is a folder, not a file"):
         open_history(str(tmp_path), create=True)

@@ -13,6 +13,7 @@ import sqlalchemy as sa
 from certificates import kept, only
 from histories import a_result
 
+from zerobeam.analysis.answer.result import parse_result
 from zerobeam.experiments.history.database import document, result
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.store import add, choose, results, whole_answer
@@ -62,7 +63,7 @@ def test_a_history_that_was_altered_is_found_out(tmp_path: Path) -> None:
         (document, {"content": zlib.compress(b"{}")}, "damaged"),
         (document, {"content": tampered}, "document_sha256"),
     ):
-        assert whole_answer(history, only(history)) == answer
+        assert whole_answer(history, only(history)) == parse_result(json.dumps(answer))
         columns: Any = [table.c[name] for name in values]
         with history.writing() as connection:
             before = connection.execute(sa.select(*columns)).one()._asdict()
@@ -84,4 +85,4 @@ def test_what_the_run_did_not_state_is_as_it_was_given(tmp_path: Path) -> None:
     own = read_entry(tmp_path / "one.json", lambda sha256: None, serial="A", when="2026-03-31T14:05:00+02:00")
     assert own is not None
     add(history, [own])
-    assert whole_answer(history, only(history)) == answer
+    assert whole_answer(history, only(history)) == parse_result(json.dumps(answer))

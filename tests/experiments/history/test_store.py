@@ -18,7 +18,7 @@ from histories import a_result, adding, postgresql, write_result
 
 from zerobeam.experiments.history import store
 from zerobeam.experiments.history.content import Event
-from zerobeam.experiments.history.database import Database, back_up, open_history, restore
+from zerobeam.experiments.history.database import Database, open_history
 from zerobeam.experiments.history.entry import Entry, read_entry
 from zerobeam.experiments.history.store import (
     add,
@@ -204,24 +204,6 @@ def test_events_are_logged_once(history: Database, tmp_path: Path) -> None:
     assert events(history) == [bump] == events(history, ("A-1", "irb1600"))
 
 
-def test_a_backup_is_the_whole_history(history: Database, tmp_path: Path) -> None:
-    add(history, [entry(tmp_path, a_result("A", f"2026-01-{day:02}")) for day in range(1, 10)])
-    add_event(history, Event("A", "irb1600", next(results(history)).measured_at, "motor", ""))
-    backup = tmp_path / "backup.sqlite"
-    assert back_up(history, backup) == 9
-    with pytest.raises(BadInput, match="exists"):
-        back_up(history, backup)
-    other = open_history(str(tmp_path / "other.sqlite"), create=True)
-    assert restore(backup, other) == 9
-    assert list(results(other)) == list(results(history))
-    assert events(other) == events(history)
-    every = [own.sha256 for own in results(history)]
-    assert list(documents(other, every)) == list(documents(history, every))
-    with pytest.raises(BadInput, match="not empty"):
-        restore(backup, other)
-    assert not list(tmp_path.glob(".zerobeam-new*"))
-
-
 def at_once(write: Callable[..., None], given: Sequence[Any]) -> None:
     """`write` with each of the given, in threads."""
     writers = [threading.Thread(target=write, args=(one,)) for one in given]
@@ -365,11 +347,6 @@ def test_postgresql_keeps_what_sqlite_keeps(tmp_path: Path) -> None:
         assert list(results(server)) == list(results(sqlite))
         assert arms(server) == arms(sqlite)
         assert events(server) == events(sqlite)
-        backup = tmp_path / "backup.sqlite"
-        assert back_up(server, backup) == 60
-        again = open_history(str(tmp_path / "again.sqlite"), create=True)
-        restore(backup, again)
-        assert list(results(again)) == list(results(server))
         more = [entry(tmp_path, a_result(f"B-{n % 7}", f"2026-02-{n + 1:02}")) for n in range(28)]
         outcomes: list[str] = []
 

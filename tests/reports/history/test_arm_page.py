@@ -295,7 +295,7 @@ def test_two_hundred_results() -> None:
     page = shown(own, drawn=True)
     assert len([row for row in page.rows if row[1:2] in (["Pass"], ["Misfit"])]) == 200
     assert any(tag == "details" for tag, _ in page.tags)
-    assert [one.change.offset for one in own.arm.jumps] == ["delta5"]
+    assert [one.offset for one in own.arm.jumps] == ["delta5"]
 
 
 @pytest.mark.long

@@ -18,7 +18,8 @@ from certificates import a_key, kept, no_passphrase, only
 from histories import a_result, postgresql
 from pages import Page, assert_fetches_nothing
 
-from zerobeam.analysis.answer.result import Result
+from zerobeam.analysis.answer.result import Result, parse_result
+from zerobeam.experiments.history.content import StoredResult
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.signing import (
     fingerprint,
@@ -32,9 +33,9 @@ from zerobeam.experiments.history.signing import (
 from zerobeam.experiments.history.store import add, results, whole_answer
 from zerobeam.model.errors import BadInput
 from zerobeam.model.instruments.laser import LaserBeam
+from zerobeam.reports.history import certificate as certificates_made
 from zerobeam.reports.history.certificate import (
     SCHEMA,
-    certificate_json,
     files_of_certificate,
     why_history_differs,
     write_certificate,
@@ -71,6 +72,11 @@ def of_result(folder: Path, result: Result) -> dict[str, Any]:
     answer["inputs"]["header"]["provenance"] = {"serial": "A-1", "when": "2026-01-31"}
     own = only(kept(folder, answer))
     return certificate_json(own, answer, "0" * 64, ISSUED)
+
+
+def certificate_json(own: StoredResult, answer: dict[str, Any], by: str, issued: date) -> dict[str, Any]:
+    """The certificate of a result.json."""
+    return certificates_made.certificate_json(own, parse_result(json.dumps(answer)), by, issued)
 
 
 def page(certificate: dict[str, Any]) -> Page:
@@ -229,7 +235,8 @@ def a_verification(folder: Path, sha256: str) -> Path:
     answer = {
         "schema": "zerobeam/acceptance/1",
         **{"verdict": "pass", "measurements": 4, "dof": 5, "p_value": 0.9, "false_alarm": 0.01},
-        **{"power_required": 0.8, "measured": measured},
+        **{"statistic": 0.6, "rms_mm": 0.3, "expected_mm": 0.4, "offsets": [], "mistakes": []},
+        **{"power_required": 0.8, "measured": {"postures": [], **measured}},
         "calibration": {"file": "run.jsonl", "sha256": sha256, "provenance": {}},
         "run": {"file": "new.jsonl", "sha256": "ab" * 32, "provenance": {"When": "2026-04-01"}},
     }

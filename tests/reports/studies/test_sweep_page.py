@@ -311,7 +311,7 @@ def test_a_parameter_that_a_case_does_not_have_is_said_to_be_not_estimated() -> 
 def test_a_scale_is_of_the_parameters_unit_in_every_panel_of_a_row() -> None:
     """A length that one of two series does not have: that one's panel stands first and has the numbers."""
     study = pattern_shots_sweep()
-    length = CaseParameter("tool.shift1", "tool", "mm", "identified", 4.0)
+    length = CaseParameter("tool.shift1", "mm", "identified", "tool", 4.0)
     cases = tuple(replace(case, parameters=(length,) if case.at[0] else ()) for case in study.cases)
     text = words(SWEEP.pictures(replace(study, cases=cases))["lines"].svg)
     assert {"1", "2", "5"} <= set(text.split())  # millimetres

@@ -288,7 +288,7 @@ def test_what_no_case_determines_is_larger_than_any_number() -> None:
                 "it",
                 verdict="weak" if std else "degenerate",
                 parameters=(
-                    CaseParameter("delta2", "offset", "deg", "weak" if std else "unidentifiable", std),
+                    CaseParameter("delta2", "deg", "weak" if std else "unidentifiable", "offset", std),
                 ),
             )
             for i, std in enumerate(stds)
@@ -406,7 +406,7 @@ def made(
 ) -> GridCase:
     """A case of one parameter whose runs scatter `off` times as predicted."""
     likelihood = LikelihoodErrors(runs, rmse or 0.02 * off, 0.0, 0.001, held, held, held, off)
-    row = CaseParameter("delta2", "offset", "deg", "identified", 0.02, likelihood)
+    row = CaseParameter("delta2", "deg", "identified", "offset", 0.02, likelihood)
     return GridCase((0,), "it", shots=7, verdict=verdict, parameters=(row,))
 
 
@@ -477,7 +477,7 @@ def test_the_headline_follows_from_the_numbers() -> None:
     def case(at: tuple[int, ...], worst: float | None, words: str, agrees: bool, failed: int) -> GridCase:
         likelihood = LikelihoodErrors(9, 0.1, 0.0, 0.03, 0.9, 0.8, 1.0, 1.0, agrees)
         row = CaseParameter(
-            "delta2", "offset", "deg", "identified", 0.1, likelihood, RunErrors(9, 0.16, 0.0, 0.05)
+            "delta2", "deg", "identified", "offset", 0.1, likelihood, RunErrors(9, 0.16, 0.0, 0.05)
         )
         verdict: Verdict = "degenerate" if worst is None else "pass"
         return GridCase(
@@ -531,17 +531,17 @@ NUMBERS: dict[str, Any] = {
 @pytest.mark.parametrize("status", ["unidentifiable", "held"])
 @pytest.mark.parametrize("key", NUMBERS)
 def test_a_parameter_that_is_not_identified_cannot_have_a_number(status: Any, key: str) -> None:
-    row = CaseParameter("delta2", "offset", "deg", status)
+    row = CaseParameter("delta2", "deg", status, "offset")
     with pytest.raises(UnsoundResult, match=f"'delta2' is {status}"):
         replace(row, **{key: NUMBERS[key]})
     # Nor can one come from a file of finished cases.
     stored = stored_case(GridCase((0,), "it", shots=7, verdict="degenerate", parameters=(row,)))
-    assert CASE.validate_python(stored).parameters == (row,)
+    assert CASE.validate_json(json.dumps(stored)).parameters == (row,)
     (bad,) = stored_case(made(1.0, 0.95))["parameters"]
     number = {"std": FORBIDDEN, "likelihood": bad["likelihood"], "midpoint": bad["likelihood"]}[key]
     stored["parameters"][0][key] = number
     with pytest.raises(UnsoundResult, match=f"'delta2' is {status}"):
-        CASE.validate_python(stored)
+        CASE.validate_json(json.dumps(stored))
 
 
 def test_a_case_that_does_not_identify_all_offsets_has_no_worst_one() -> None:
