@@ -98,17 +98,17 @@ A = TypeVar("A", bound=_Answer)
 class FindingEntry(Generic[A]):
     """`finding` is its type, or a name for what `found` finds in an answer.
 
-    `sentence`, `remedy` and `command` are made of a finding and the answer that has it. Without `sentence` a
-    text says itself, what has a type as everywhere, and all else nothing. The sentence of a note is a
-    caution; of what is graver it is the cause of an answer that has nothing graver yet, else a caution;
-    `place` is another place. `silences` is what nothing is said about beside it, `colour` the grade of a pass
-    that has it first.
+    `sentence`, `remedy` and `command` are made of a finding and the answer that has it; a remedy may always
+    be the same. Without `sentence` a text says itself, what has a type as everywhere, all else nothing. The
+    sentence of a note is a caution; of what is graver it is the cause of an answer that has nothing graver
+    yet, else a caution; `place` is another place. `silences` is what nothing is said about beside it,
+    `colour` the grade of a pass that has it first.
     """
 
     finding: type | str
     grade: Gravity
     sentence: Callable[[Any, A], str | None] | None = None
-    remedy: Callable[[Any, A], str] | None = None
+    remedy: Callable[[Any, A], str] | str | None = None
     command: Callable[[Any, A], str | None] | None = None
     place: Standing | None = None
     about: About = "values"
@@ -143,11 +143,11 @@ class FindingRow(NamedTuple):
 
     def action(self, answer: Any) -> Action | None:
         """What to do about it, and the command that does it."""
-        entry = self.entry
-        if entry.remedy is None:
+        remedy, command = self.entry.remedy, self.entry.command
+        if remedy is None:
             return None
-        command = None if entry.command is None else entry.command(self.finding, answer)
-        return Action(entry.remedy(self.finding, answer), command)
+        text = remedy if isinstance(remedy, str) else remedy(self.finding, answer)
+        return Action(text, None if command is None else command(self.finding, answer))
 
 
 def rows_of(answer: A, table: Sequence[FindingEntry[A]]) -> list[FindingRow]:
@@ -196,11 +196,6 @@ def _again(finding: object, case: RunCase) -> str:
 
 def _plan(finding: object, case: RunCase) -> str | None:
     return case.plan
-
-
-def _always(text: str) -> Callable[[Any, Any], str]:
-    """A sentence or a remedy that is the same of every answer."""
-    return lambda finding, answer: text
 
 
 def _held(case: RunCase) -> Iterator[list[str]]:
@@ -413,14 +408,9 @@ def _conditions(case: RunCase) -> Iterable[str]:
     return _some(condition(case.power)) if case.verdict == "pass" else ()
 
 
-def _sentences(made: Callable[[Result, RunCase], Iterable[str]]) -> Callable[[RunCase], Iterator[str]]:
+def _besides(made: Callable[[Result, RunCase], Iterable[str]]) -> Callable[[RunCase], Iterable[str]]:
     """Sentences that are made of a whole answer."""
-
-    def find(case: RunCase) -> Iterator[str]:
-        if case.sound and case.result is not None:
-            yield from made(case.result, case)
-
-    return find
+    return lambda case: made(case.result, case) if case.sound and case.result is not None else ()
 
 
 def _slips(result: Result, case: RunCase) -> Iterable[str]:
@@ -527,16 +517,14 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         NotConverged,
         "stop",
-        remedy=_always(
-            "Enter nothing: look for a wrong measurement, or state a better guess of target and tool."
-        ),
+        remedy="Enter nothing: look for a wrong measurement, or state a better guess of target and tool.",
         command=_again,
         place="nowhere",  # the verdict says it
         about="model",
         silences=_VALUES,
         found=lambda case: map(NotConverged, _some(case.stopped)),
     ),
-    _criterion(NominalContradicted, _always(_ESTIMATE_LINKS)),
+    _criterion(NominalContradicted, lambda one, case: _ESTIMATE_LINKS),
     _criterion(Displacement, _analyse_apart, place="cause or caution", found=_moved(Displacement)),
     _criterion(RecordingStep, _record_again, place="cause or caution", found=_moved(RecordingStep)),
     _criterion(TightPrior, lambda prior, case: larger_tolerance(prior)),
@@ -549,14 +537,14 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         OtherBasins,
         "stop",
-        remedy=_always("Enter nothing: record more measurements, in varied postures."),
+        remedy="Enter nothing: record more measurements, in varied postures.",
         command=_plan,
         colour="weak",
     ),
     FindingEntry(
         ExactDoubted,
         "stop",
-        remedy=_always(f"Enter nothing yet. {_ESTIMATE_LINKS}"),
+        remedy=f"Enter nothing yet. {_ESTIMATE_LINKS}",
         command=_again,
         colour="weak",
     ),
@@ -564,7 +552,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         Outlying,
         "stop",
-        remedy=_always("Check these measurements before you enter anything: remove them, or repeat them."),
+        remedy="Check these measurements before you enter anything: remove them, or repeat them.",
         command=_again,
         about="measurements",
         colour="weak",
@@ -599,7 +587,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "no pass",
         "doubt",
-        remedy=_always("Enter nothing yet: record more measurements, in varied postures."),
+        remedy="Enter nothing yet: record more measurements, in varied postures.",
         command=_plan,
         found=_if(lambda case: case.verdict != "pass"),
     ),
@@ -607,16 +595,14 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "no offset is estimated",
         "stop",
-        remedy=_always("Enter nothing: no offset is estimated."),
+        remedy="Enter nothing: no offset is estimated.",
         colour="held",
         found=_if(lambda case: not case.offsets),
     ),
     FindingEntry(
         "no robot was measured",
         "doubt",
-        remedy=_always(
-            "Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan."
-        ),
+        remedy="Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan.",
         command=_plan,
         colour="held",
         found=_if(lambda case: case.simulated),
@@ -624,7 +610,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "no factory calibration",
         "doubt",
-        remedy=_always(
+        remedy=(
             "Enter nothing yet: the controller computes with the arm's factory calibration, and this run was"
             " analysed with the nominal arm, so that the values would apply that calibration twice. Make a"
             " robot file of it, name it as robot of the run, and analyse again."
@@ -655,11 +641,19 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(NoPosterior, "note"),
     FindingEntry(PoorCurvature, "note"),
     FindingEntry(RobustNotConverged, "note"),
-    FindingEntry("slips within a recording", "note", found=_sentences(_slips)),
-    FindingEntry("a fit that nothing checks", "note", found=_sentences(_unchecked)),
-    FindingEntry("what a pass does not exclude", "note", found=_sentences(_unnoticed)),
-    FindingEntry("a requirement that cannot be judged", "note", found=_sentences(_unjudged)),
-    FindingEntry("what the geometry does", "note", found=_sentences(_worth)),
+    FindingEntry(
+        "slips within a recording",
+        "note",
+        found=_besides(_slips),
+    ),
+    FindingEntry(
+        "a fit that nothing checks",
+        "note",
+        found=_besides(_unchecked),
+    ),
+    FindingEntry("what a pass does not exclude", "note", found=_besides(_unnoticed)),
+    FindingEntry("a requirement that cannot be judged", "note", found=_besides(_unjudged)),
+    FindingEntry("what the geometry does", "note", found=_besides(_worth)),
     FindingEntry(FileWarning, "note", about="file"),
 )
 
@@ -700,7 +694,7 @@ PLAN: tuple[FindingEntry[Check], ...] = (
     FindingEntry(
         "no offset is estimated",
         "doubt",
-        remedy=_always("Estimate an offset: leave it out of `held`"),
+        remedy="Estimate an offset: leave it out of `held`",
         found=_if(lambda check: not estimated(check)),
     ),
     FindingEntry(
@@ -713,7 +707,7 @@ PLAN: tuple[FindingEntry[Check], ...] = (
     FindingEntry(
         "a plan as it is",
         "note",
-        remedy=_always("Nothing needs to change. Measure by this plan"),
+        remedy="Nothing needs to change. Measure by this plan",
         found=_if(lambda check: True),
     ),
     *(
