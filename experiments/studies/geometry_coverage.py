@@ -30,7 +30,6 @@ from ...model.files.from_arrays import Probe
 from ...model.files.header import EXACT, Header
 from ...model.files.plan import Plan
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
@@ -290,8 +289,8 @@ def _stated_std(solution: Solution, whole: Problem) -> Matrix:
 def _considered_std(solution: Solution, whole: Problem) -> Matrix:
     parameters = whole.parameters
     x = parameters.with_values(parameters.prior_mean, solution.problem.parameters, solution.fit.x)
-    std = considered(whole, x)[~parameters.group("geometry")]
-    return np.where([has_numbers(status) for status in solution.status], std, np.nan)
+    at = [parameters.index(name) for name in solution.problem.parameters.names]
+    return np.where([has_numbers(status) for status in solution.status], considered(whole, x)[at], np.nan)
 
 
 def _errors(data: DataSets, problem: Problem, weigh: Weigh) -> ArmErrors:
@@ -375,10 +374,11 @@ def answer_of(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
     checks = _checks(plan)
     data = arms(problem, count, _OFFSET_DEG, np.random.default_rng([seed, *plan.name.encode()]))
     closer = problem.with_geometry(problem.geometry.scaled(1 / _UNDERSTATED, 1 / _UNDERSTATED))
+    exact = Problem.from_plan(_exact(plan.plan))
     models: dict[EstimatorName, tuple[Problem, Weigh]] = {
         "freed": (problem, _stated_std),
-        "considered": (problem.with_geometry(NOMINAL), _considered_std),
-        "nominal": (Problem.from_plan(_exact(plan.plan)), _stated_std),
+        "considered": (exact, _considered_std),
+        "nominal": (exact, _stated_std),
         "tolerances understated by 3": (closer, _stated_std),
     }
     return GeometryPlan(
