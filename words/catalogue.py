@@ -1,17 +1,15 @@
-"""All findings, an entry each, from the gravest down: how grave it is, what it says, what to do, what it
-silences. `message.py` chooses by the two tables at the end (`RUN`, `PLAN`) and by nothing else.
+"""What is found in a run, an entry each, from the gravest down. What speaks against the model silences what
+follows from the model.
 
 A finding is data of `analysis`, or what a function here finds in an answer.
 """
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any
 
-from ..analysis.answer.answer_message import Action, Grade, May
 from ..analysis.answer.findings import (
     FileWarning,
     HeldOutMisfit,
@@ -35,27 +33,15 @@ from ..analysis.misfit import (
     PlacementsDisagree,
 )
 from ..analysis.observability.causes import (
-    AsGoodAs,
     BaseFrame,
     Held,
     NoiseSplit,
-    NullDirection,
     OnAxis,
     ToolRotation,
-    worst_direction,
 )
 from ..analysis.observability.changes import ChangeAt, RunChange
-from ..analysis.observability.check import (
-    Check,
-    CheckedParameter,
-    OutsideLimits,
-    PlanVerdict,
-    TargetBehind,
-    Unreachable,
-    Violation,
-)
 from ..analysis.recordings.steps import RecordingStep
-from ..analysis.status import Status, known
+from ..analysis.status import known
 from ..analysis.tight_priors import TightPrior
 from ..model.files.run import in_no_file
 from ..model.instruments.kind import Assumption
@@ -63,107 +49,30 @@ from . import numbers
 from .case import RunCase
 from .controllers import export_command, export_sentence, lacks_factory_calibration, taken_by
 from .enter import conformity_sentence, expected_sentence
+from .entries import (
+    About,
+    FindingEntry,
+    FindingRow,
+    Open,
+    assumed_of,
+    holds_if,
+    if_,
+    open_directions,
+    some,
+    why_open,
+)
 from .finding_words import finding_sentence, likelihood_message
-from .geometry_words import by_tolerances, confounded_sentence, worth_sentence
+from .geometry_words import confounded_sentence, worth_sentence
 from .misfit_causes import CAUSES, by_another_run, mend
 from .misfit_words import cause_sentence, larger_tolerance, measurements, step_sentence
 from .observability import (
     assumed_steps,
     condition,
     direction_remedy,
-    over_target_sentence,
-    power_sentences,
-    reason,
     stating,
     unnoticed_sentence,
 )
-from .plan_words import plan_sentence, violation_sentence, violation_words
-from .wording import Namer, are, capital, clipped, listed, person
-
-# `stop`: no value of the answer is relied on. `doubt`: none is entered yet. `note`: it is said.
-Gravity = Literal["stop", "doubt", "note"]
-Standing = Literal["cause or caution", "cause", "caution", "before the cause", "nowhere"]
-About = Literal["model", "measurements", "values", "file"]
-
-
-class _Answer(Protocol):
-    @property
-    def findings(self) -> Sequence[object]: ...
-
-
-A = TypeVar("A", bound=_Answer)
-
-
-@dataclass(frozen=True)
-class FindingEntry(Generic[A]):
-    """`finding` is its type, or a name for what `found` finds in an answer.
-
-    `sentence`, `remedy` and `command` are made of a finding and the answer that has it; a remedy may always
-    be the same. Without `sentence` a text says itself, what has a type as everywhere, all else nothing. The
-    sentence of a note is a caution; of what is graver it is the cause of an answer that has nothing graver
-    yet, else a caution; `place` is another place. `silences` is what nothing is said about beside it,
-    `colour` the grade of a pass that has it first.
-    """
-
-    finding: type | str
-    grade: Gravity
-    sentence: Callable[[Any, A], str | None] | None = None
-    remedy: Callable[[Any, A], str] | str | None = None
-    command: Callable[[Any, A], str | None] | None = None
-    place: Standing | None = None
-    about: About = "values"
-    silences: frozenset[About] = frozenset()
-    colour: Grade | None = None
-    found: Callable[[A], Iterable[Any]] | None = None
-
-    def of(self, answer: A) -> Iterable[Any]:
-        """The findings of an answer that this is the entry of."""
-        if self.found is not None:
-            return self.found(answer)
-        return (one for one in answer.findings if type(one) is self.finding)
-
-
-class FindingRow(NamedTuple):
-    """A finding of an answer with its entry."""
-
-    entry: FindingEntry[Any]
-    finding: Any
-
-    @property
-    def stands(self) -> Standing:
-        return self.entry.place or ("caution" if self.entry.grade == "note" else "cause or caution")
-
-    def sentence(self, answer: Any) -> str | None:
-        """What is said of it, without a full stop at its end."""
-        if self.entry.sentence is not None:
-            return self.entry.sentence(self.finding, answer)
-        if isinstance(self.finding, str):
-            return self.finding
-        return None if isinstance(self.entry.finding, str) else finding_sentence(self.finding, answer.name)
-
-    def action(self, answer: Any) -> Action | None:
-        """What to do about it, and the command that does it."""
-        remedy, command = self.entry.remedy, self.entry.command
-        if remedy is None:
-            return None
-        text = remedy if isinstance(remedy, str) else remedy(self.finding, answer)
-        return Action(text, None if command is None else command(self.finding, answer))
-
-
-def rows_of(answer: A, table: Sequence[FindingEntry[A]]) -> list[FindingRow]:
-    """What is found in an answer, in the order of the table, without what is silenced."""
-    rows = [FindingRow(entry, one) for entry in table for one in entry.of(answer)]
-    silent = frozenset[About]().union(*(row.entry.silences for row in rows))
-    return [row for row in rows if row.entry.about not in silent]
-
-
-def graded(rows: Sequence[FindingRow], verdict: PlanVerdict) -> tuple[Grade, May]:
-    """How an answer with these findings is coloured, and what may be done with it."""
-    grades = {row.entry.grade for row in rows}
-    colour: Grade = next((row.entry.colour for row in rows if row.entry.colour), "pass")
-    certain = "stop" not in grades
-    may = May(enter=grades <= {"note"}, certify=certain, export=certain)
-    return (colour if verdict == "pass" or verdict == "violated" else verdict), may
+from .wording import are, capital, clipped, listed, person
 
 
 @dataclass(frozen=True)
@@ -181,13 +90,18 @@ def against(findings: Iterable[object]) -> FindingRow | None:
     )
 
 
-# Of a run's model
+# Of the model
 
 
 _MOST_NAMED = 2  # causes between which the measurements do not decide
 _ESTIMATE_LINKS = (
     "Remove geometry: exact from the header, so that the links are estimated, and analyse again."
 )
+
+
+def _finding(finding: Any, case: RunCase) -> str:
+    """What is said of a finding everywhere."""
+    return finding_sentence(finding, case.name)
 
 
 def _again(finding: object, case: RunCase) -> str:
@@ -252,7 +166,12 @@ def _criterion(
     kind: type, mended: Callable[[Any, RunCase], str] = _look, **more: Any
 ) -> FindingEntry[RunCase]:
     """A criterion of a misfit: the cause where there is no diagnosis."""
-    usual: dict[str, Any] = {"place": "cause", "command": _again, "silences": frozenset({"values"})}
+    usual: dict[str, Any] = {
+        "sentence": _finding,
+        "place": "cause",
+        "command": _again,
+        "silences": frozenset({"values"}),
+    }
     return FindingEntry(kind, "stop", remedy=_after_held(mended), about="model", **(usual | more))
 
 
@@ -302,7 +221,7 @@ def _changed(at: ChangeAt) -> str:
     return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
 
 
-# Of a run's values
+# Of the values
 
 
 _MOST_STEPS = 2  # that are no misfit
@@ -329,29 +248,6 @@ def _look_at_held_out(misfit: HeldOutMisfit, case: RunCase) -> str:
     return f"Enter nothing yet: look for what differs {where}."
 
 
-def _if(holds: Callable[[A], bool]) -> Callable[[A], Iterator[A]]:
-    """A finding that an answer as a whole is."""
-    return lambda answer: iter((answer,) if holds(answer) else ())
-
-
-class Open(NamedTuple):
-    """The least well determined offset of a status, and the direction that the measurements leave open."""
-
-    row: Any
-    direction: NullDirection
-
-
-def _open(rows: Iterable[Any], null_space: Sequence[NullDirection], status: Status) -> Iterator[Open]:
-    if of_status := [row for row in rows if row.status == status]:
-        row = max(of_status, key=lambda row: row.std or 0.0)
-        yield Open(row, worst_direction(null_space, row.name))
-
-
-def _why_open(one: Open, name: Namer) -> str:
-    cause = one.direction.cause
-    return by_tolerances(cause, one.row.tolerance_share) or reason(cause, name)
-
-
 def _determine(one: Open, case: RunCase) -> str:
     return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
 
@@ -360,14 +256,8 @@ def _plan_or_again(one: Open, case: RunCase) -> str | None:
     return case.again if isinstance(one.direction.cause, _IN_THE_HEADER) else case.plan
 
 
-def _assumed(rows: Iterable[Any]) -> list[tuple[Assumption, ...]]:
-    """What each offset rests on that nobody stated or measured."""
-    causes = (row.cause for row in rows if row.status == "assumed")
-    return [cause.of for cause in causes if isinstance(cause, AsGoodAs)]
-
-
 def _assumed_alone(case: RunCase) -> Iterator[list[Assumption]]:
-    assumed = list(dict.fromkeys(one for of in _assumed(case.offsets) for one in of))
+    assumed = list(dict.fromkeys(one for of in assumed_of(case.offsets) for one in of))
     if case.verdict != "pass" and assumed:
         yield assumed
 
@@ -405,7 +295,7 @@ def _expected(case: RunCase) -> Iterator[str]:
 
 
 def _conditions(case: RunCase) -> Iterable[str]:
-    return _some(condition(case.power)) if case.verdict == "pass" else ()
+    return some(condition(case.power)) if case.verdict == "pass" else ()
 
 
 def _besides(made: Callable[[Result, RunCase], Iterable[str]]) -> Callable[[RunCase], Iterable[str]]:
@@ -418,11 +308,11 @@ def _slips(result: Result, case: RunCase) -> Iterable[str]:
 
 
 def _unchecked(result: Result, case: RunCase) -> Iterable[str]:
-    return map(capital, _some(likelihood_message(result.likelihood)))
+    return map(capital, some(likelihood_message(result.likelihood)))
 
 
 def _unnoticed(result: Result, case: RunCase) -> Iterable[str]:
-    return _some(unnoticed_sentence(case.power)) if case.verdict == "pass" else ()
+    return some(unnoticed_sentence(case.power)) if case.verdict == "pass" else ()
 
 
 def _unjudged(result: Result, case: RunCase) -> Iterable[str]:
@@ -436,69 +326,14 @@ def _worth(result: Result, case: RunCase) -> Iterable[str]:
     if not offsets:
         return ()
     if result.geometry.tolerance is None:
-        return _some(worth_sentence(result.geometry, offsets, result.coverage_factor))
+        return some(worth_sentence(result.geometry, offsets, result.coverage_factor))
     worst = max(offsets, key=lambda row: row.std or 0.0)
     share = worst.tolerance_share
-    return _some(confounded_sentence(result.geometry, worst.name, share, person))
+    return some(confounded_sentence(result.geometry, worst.name, share, person))
 
-
-# Of plans
-
-
-def estimated(check: Check) -> list[CheckedParameter]:
-    """The offsets that a run of the plan estimates."""
-    return [row for row in check.parameters if row.group == "offset" and not row.held]
-
-
-def _open_in(status: Status) -> Callable[[Check], Iterator[Open]]:
-    return lambda check: _open(estimated(check), check.identifiability.null_space, status)
-
-
-def _why_open_in(one: Open, check: Check) -> str:
-    return f"{person(one.row.name)}: {_why_open(one, person)}"
-
-
-def _change_plan(one: Open, check: Check) -> str:
-    return capital(direction_remedy(one.direction, person))
-
-
-def _change_postures(first: Violation, check: Check) -> str:
-    broken = sorted({each.posture for each in check.violations})
-    noun = "posture" if len(broken) == 1 else "postures"
-    arm_alone = all(each.condition == "arm" for each in check.violations)
-    return (
-        f"Change or remove {noun} {listed([str(i) for i in broken])} (the plan's first posture is 0)"
-        f"{'' if arm_alone else ', or loosen the constraint'}, or make another plan"
-    )
-
-
-def _made_anew(first: Violation, check: Check) -> str | None:
-    """The command that plans as many measurements by the plan's header; None for several instruments."""
-    if len(check.aimed.plan.header.labels) > 1:
-        return None
-    plan = shlex.quote(check.inputs.plan)
-    return f"zerobeam plan optimal --header {plan} --shots {len(check.postures)} -o new-plan.yaml"
-
-
-def _assumed_in(check: Check) -> Iterator[tuple[Assumption, ...]]:
-    rows = estimated(check)
-    if all(row.status != "identified" for row in rows):
-        yield from _assumed(rows)[:1]
-
-
-def _holds_if(text: str) -> Callable[[str, object], str]:
-    return lambda subject_to, answer: f"{text} holds if {subject_to}"
-
-
-def _some(text: str | None) -> Iterable[str]:
-    return () if text is None else (text,)
-
-
-# The tables
 
 _VALUES: frozenset[About] = frozenset({"values"})
 
-# Of a run. What speaks against the model comes first, and silences what follows from the model.
 RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "held offsets", "stop", _held_sentence, place="before the cause", about="model", found=_held
@@ -522,7 +357,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         place="nowhere",  # the verdict says it
         about="model",
         silences=_VALUES,
-        found=lambda case: map(NotConverged, _some(case.stopped)),
+        found=lambda case: map(NotConverged, some(case.stopped)),
     ),
     _criterion(NominalContradicted, lambda one, case: _ESTIMATE_LINKS),
     _criterion(Displacement, _analyse_apart, place="cause or caution", found=_moved(Displacement)),
@@ -537,6 +372,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         OtherBasins,
         "stop",
+        _finding,
         remedy="Enter nothing: record more measurements, in varied postures.",
         command=_plan,
         colour="weak",
@@ -544,14 +380,16 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         ExactDoubted,
         "stop",
+        _finding,
         remedy=f"Enter nothing yet. {_ESTIMATE_LINKS}",
         command=_again,
         colour="weak",
     ),
-    FindingEntry(HeldOutMisfit, "stop", remedy=_look_at_held_out, command=_again, colour="weak"),
+    FindingEntry(HeldOutMisfit, "stop", _finding, remedy=_look_at_held_out, command=_again, colour="weak"),
     FindingEntry(
         Outlying,
         "stop",
+        _finding,
         remedy="Check these measurements before you enter anything: remove them, or repeat them.",
         command=_again,
         about="measurements",
@@ -563,25 +401,25 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "nothing is determined",
         "stop",
-        found=_if(lambda case: bool(case.offsets) and not any(known(row.status) for row in case.offsets)),
+        found=if_(lambda case: bool(case.offsets) and not any(known(row.status) for row in case.offsets)),
     ),
     FindingEntry(
         "an unidentifiable offset",
         "doubt",
-        lambda one, case: _why_open(one, case.name),
+        lambda one, case: why_open(one, case.name),
         _determine,
         _plan_or_again,
         place="cause",
-        found=lambda case: _open(case.offsets, case.null_space, "unidentifiable"),
+        found=lambda case: open_directions(case.offsets, case.null_space, "unidentifiable"),
     ),
     FindingEntry(
         "a weak offset",
         "doubt",
-        lambda one, case: f"{case.name(one.row.name)}: {_why_open(one, case.name)}",
+        lambda one, case: f"{case.name(one.row.name)}: {why_open(one, case.name)}",
         _determine,
         _plan_or_again,
         place="cause",
-        found=lambda case: _open(case.offsets, case.null_space, "weak"),
+        found=lambda case: open_directions(case.offsets, case.null_space, "weak"),
     ),
     FindingEntry("assumed offsets alone", "doubt", None, _state, _again, found=_assumed_alone),
     FindingEntry(
@@ -589,7 +427,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         "doubt",
         remedy="Enter nothing yet: record more measurements, in varied postures.",
         command=_plan,
-        found=_if(lambda case: case.verdict != "pass"),
+        found=if_(lambda case: case.verdict != "pass"),
     ),
     # Of a pass: why nothing is entered all the same, what it is subject to.
     FindingEntry(
@@ -597,7 +435,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         "stop",
         remedy="Enter nothing: no offset is estimated.",
         colour="held",
-        found=_if(lambda case: not case.offsets),
+        found=if_(lambda case: not case.offsets),
     ),
     FindingEntry(
         "no robot was measured",
@@ -605,7 +443,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         remedy="Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan.",
         command=_plan,
         colour="held",
-        found=_if(lambda case: case.simulated),
+        found=if_(lambda case: case.simulated),
     ),
     FindingEntry(
         "no factory calibration",
@@ -617,7 +455,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         ),
         command=_import_calibration,
         colour="weak",
-        found=_if(_nominal_arm),
+        found=if_(_nominal_arm),
     ),
     FindingEntry(
         "a controller that takes no offsets",
@@ -625,22 +463,22 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         None,
         _export,
         _export_command,
-        found=_if(lambda case: taken_by(case.vendor) != "offsets"),
+        found=if_(lambda case: taken_by(case.vendor) != "offsets"),
     ),
     FindingEntry(
         "a requirement that may not be met",  # the verdict says it
         "note",
         colour="weak",
-        found=_if(lambda case: case.conformity is not None and case.conformity.decision != "conforms"),
+        found=if_(lambda case: case.conformity is not None and case.conformity.decision != "conforms"),
     ),
     FindingEntry("the error to expect", "note", place="before the cause", found=_expected),
-    FindingEntry("conditions of a pass", "note", _holds_if("This"), place="cause", found=_conditions),
-    FindingEntry("values to enter", "note", None, _export, _export_command, found=_if(lambda case: True)),
+    FindingEntry("conditions of a pass", "note", holds_if("This"), place="cause", found=_conditions),
+    FindingEntry("values to enter", "note", None, _export, _export_command, found=if_(lambda case: True)),
     # Said besides.
     FindingEntry("assumed offsets", "note", found=lambda case: assumed_steps(case.offsets, case.name)),
-    FindingEntry(NoPosterior, "note"),
-    FindingEntry(PoorCurvature, "note"),
-    FindingEntry(RobustNotConverged, "note"),
+    FindingEntry(NoPosterior, "note", _finding),
+    FindingEntry(PoorCurvature, "note", _finding),
+    FindingEntry(RobustNotConverged, "note", _finding),
     FindingEntry(
         "slips within a recording",
         "note",
@@ -654,72 +492,5 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry("what a pass does not exclude", "note", found=_besides(_unnoticed)),
     FindingEntry("a requirement that cannot be judged", "note", found=_besides(_unjudged)),
     FindingEntry("what the geometry does", "note", found=_besides(_worth)),
-    FindingEntry(FileWarning, "note", about="file"),
-)
-
-# Of a plan.
-PLAN: tuple[FindingEntry[Check], ...] = (
-    FindingEntry(
-        "a broken constraint",
-        "stop",
-        lambda first, check: f"posture {first.posture}: {violation_words(first)}",
-        _change_postures,
-        _made_anew,
-        colour="misfit",
-        found=lambda check: check.violations[:1],
-    ),
-    FindingEntry(
-        "more broken constraints",
-        "stop",
-        lambda each, check: violation_sentence(each),
-        place="caution",
-        found=lambda check: check.violations[1:],
-    ),
-    FindingEntry(
-        "an unidentifiable offset",
-        "doubt",
-        _why_open_in,
-        _change_plan,
-        place="cause",
-        found=_open_in("unidentifiable"),
-    ),
-    FindingEntry("a weak offset", "doubt", _why_open_in, _change_plan, place="cause", found=_open_in("weak")),
-    FindingEntry(
-        "assumed offsets alone",
-        "doubt",
-        None,
-        lambda assumed, check: capital(stating(assumed)),
-        found=_assumed_in,
-    ),
-    FindingEntry(
-        "no offset is estimated",
-        "doubt",
-        remedy="Estimate an offset: leave it out of `held`",
-        found=_if(lambda check: not estimated(check)),
-    ),
-    FindingEntry(
-        "conditions of a pass",
-        "note",
-        _holds_if("a pass of such a run"),
-        place="cause",
-        found=lambda check: _some(condition(check.power)),
-    ),
-    FindingEntry(
-        "a plan as it is",
-        "note",
-        remedy="Nothing needs to change. Measure by this plan",
-        found=_if(lambda check: True),
-    ),
-    *(
-        FindingEntry(kind, "note", lambda one, check: plan_sentence(one))
-        for kind in (Unreachable, TargetBehind, OutsideLimits)
-    ),
-    FindingEntry("warnings of the file", "note", found=lambda check: check.warnings),
-    FindingEntry("assumed offsets", "note", found=lambda check: assumed_steps(estimated(check), person)),
-    FindingEntry("the target elsewhere", "note", found=lambda check: _some(over_target_sentence(check))),
-    FindingEntry(
-        "what a run may not show",
-        "note",
-        found=lambda check: (text for text in power_sentences(check.power) if "may not detect" in text),
-    ),
+    FindingEntry(FileWarning, "note", _finding, about="file"),
 )

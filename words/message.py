@@ -1,22 +1,22 @@
 """The one message of an answer: verdict, least well determined offset, cause, action, cautions, what may be
 done with it. Terminal, HTML, PDF, JSON, Python, app and history show it first, as it is.
 
-What it says, and how grave that is, is in `catalogue.py`.
+What is said of a run, and how grave it is, is in `catalogue.py`, of a plan in `plan_catalogue.py`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
-from ..analysis.answer.answer_message import Action, May, Message, WorstOffset
+from ..analysis.answer.answer_message import Action, Message
 from ..analysis.answer.findings import prediction_failed
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.values_to_enter import Entered
-from ..analysis.observability.causes import Held, NullDirection, Tried, worst_direction
-from ..analysis.observability.check import Check, PlanVerdict
+from ..analysis.observability.causes import Held
+from ..analysis.observability.check import Check
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import Status, Verdict
 from ..model.files.header import Header
@@ -26,17 +26,7 @@ from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .basis_words import basis_lines
 from .case import RunCase, run_argument
-from .catalogue import (
-    PLAN,
-    RUN,
-    FindingEntry,
-    FindingRow,
-    Open,
-    SaidToEnterNothing,
-    estimated,
-    graded,
-    rows_of,
-)
+from .catalogue import RUN, SaidToEnterNothing
 from .controllers import export_command, lacks_factory_calibration, taken_by
 from .enter import (
     WHY_THEY_DIFFER,
@@ -45,28 +35,18 @@ from .enter import (
     geometry_sentence,
     met_words,
 )
+from .entries import NONE_ESTIMATED, VERDICT_WORDS, graded, message_by, rows_of, sentences_of, worst_of
 from .misfit_words import UNVALIDATED
-from .observability import determined, reason
-from .plan_words import violation_words
+from .observability import determined
+from .plan_catalogue import plan_headline, plan_message
 from .provenance import is_simulated
-from .wording import NOT_DETERMINED, Namer, capital, clipped, counted, ended, person, sentence, shown
-
-VERDICT_WORDS: dict[PlanVerdict, str] = {
-    "pass": "Pass",
-    "weak": "Weak",
-    "degenerate": "Degenerate",
-    "misfit": "Misfit",
-    "violated": "Constraints violated",
-}
-_COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
-_MOST_CAUTIONS = 6
-_NONE_ESTIMATED = "No offset is estimated: all are held."
+from .wording import NOT_DETERMINED, Namer, capital, clipped, counted, person, shown
 
 
 def message(answer: Result | Check) -> Message:
     """The message of a result, or of a plan that was checked."""
     if isinstance(answer, Check):
-        return _of_plan(answer)
+        return plan_message(answer)
     case = RunCase.of_result(answer)
     k, header = answer.coverage_factor, answer.inputs.header
     basis = basis_lines(answer.taken_as_known, header, k, person, effects=case.sound)
@@ -97,13 +77,13 @@ def headline(answer: Result | Solution | Check, name: Namer = str) -> str:
     """Verdict and cause without the verdict's word; of a plan what it will determine, and why not the rest,
     broken constraints first. `name` writes names."""
     if isinstance(answer, Check):
-        return _plan_headline(answer, name)
+        return plan_headline(answer, name)
     case = (
         RunCase.of_result(answer, name)
         if isinstance(answer, Result)
         else RunCase.so_far(answer, "", {}, name)
     )
-    cause, _ = _sentences(rows_of(case, RUN), case)
+    cause, _ = sentences_of(rows_of(case, RUN), case)
     return _determined(case) if cause is None else f"{_determined(case)} {cause}"
 
 
@@ -124,72 +104,8 @@ def _of_run(case: RunCase) -> Message:
         unit, u = numbers.unit_of(row.unit), k * row.std
         return f"{numbers.estimate(row.estimate, u, unit)} ± {numbers.spread(u, unit)}"
 
-    content = message_by(case, RUN, f"{_judged(case)}. {_determined(case)}", _worst(rows, k, value))
+    content = message_by(case, RUN, f"{_judged(case)}. {_determined(case)}", worst_of(rows, k, value))
     return replace(content, action=_saved_first(case, content.action))
-
-
-def _of_plan(check: Check) -> Message:
-    def value(row: Any) -> str:
-        if row.std is None:
-            return "not determined by this plan"
-        u = numbers.spread(_COVERAGE * row.std, numbers.unit_of(row.unit))
-        return f"U {u} ({numbers.coverage(_COVERAGE)})"
-
-    texts: dict[Status, str] = {
-        "unidentifiable": "unidentifiable by this plan",
-        "weak": "only weakly observable",
-        "identified": "identified",
-    }
-    verdict = f"{VERDICT_WORDS[check.verdict]}. {f'{_broken(check)}. ' if check.violations else ''}"
-    verdict += determined(estimated(check), texts, person) or _NONE_ESTIMATED
-    rows = [row for row in estimated(check) if row.status != "assumed"]
-    content = message_by(check, PLAN, verdict, _worst(rows, _COVERAGE, value))
-    action = Action(ended(sentence(content.action.text)), content.action.command)
-    return replace(content, action=action, may=May())
-
-
-A = TypeVar("A", RunCase, Check)
-
-
-def message_by(
-    answer: A, table: Sequence[FindingEntry[A]], verdict: str, worst: WorstOffset | None
-) -> Message:
-    rows = rows_of(answer, table)
-    grade, may = graded(rows, answer.verdict)
-    cause, cautions = _sentences(rows, answer)
-    return Message(
-        verdict=verdict,
-        worst=worst,
-        cause=cause,
-        action=next(action for row in rows if (action := row.action(answer)) is not None),
-        cautions=tuple(ended(sentence(text)) for text in cautions)[:_MOST_CAUTIONS],
-        grade=grade,
-        may=may,
-    )
-
-
-def _sentences(rows: Sequence[FindingRow], answer: RunCase | Check) -> tuple[str | None, list[str]]:
-    """The cause, and the cautions: the sentences of what is found, each in its place."""
-    causes, cautions, whole = list[str](), list[str](), False
-    for row in rows:
-        text = row.sentence(answer)
-        if text is None:
-            continue
-        if not whole and row.stands in ("before the cause", "cause", "cause or caution"):
-            causes.append(text)
-            whole = row.stands != "before the cause"
-        elif row.stands in ("caution", "cause or caution"):
-            cautions.append(text)
-    return (ended(sentence(capital(" ".join(causes)))) if causes else None), cautions
-
-
-def _worst(rows: Sequence[Any], k: float, value: Callable[[Any], str]) -> WorstOffset | None:
-    """The least well determined of the offsets that are more than assumed, with its expanded uncertainty."""
-    row = max(rows, key=lambda row: (row.std is None, row.std or 0.0), default=None)
-    if row is None:
-        return None
-    u = None if row.std is None else k * row.std
-    return WorstOffset(row.name, u, row.unit, f"Least well determined: {person(row.name)}, {value(row)}.")
 
 
 def _judged(case: RunCase) -> str:
@@ -217,7 +133,7 @@ def _determined(case: RunCase) -> str:
         + ("" if weak else f" ({numbers.coverage(case.k)})"),
     }
     text = determined(case.offsets, texts, case.name)
-    return " ".join([text, *_held_words(case)] if text else [_NONE_ESTIMATED])
+    return " ".join([text, *_held_words(case)] if text else [NONE_ESTIMATED])
 
 
 def _within(rows: Sequence[ParameterResult], k: float) -> str:
@@ -257,51 +173,6 @@ def _saved_first(case: RunCase, action: Action) -> Action:
     by_command = f"--save {case.argument}, or " if "without measurements" in case.provenance else ""
     save = f'Save the run first: {by_command}solution.run.write("{case.argument}").'
     return Action(f"{action.text} {save}", action.command)
-
-
-def _broken(check: Check) -> str:
-    """How many postures break constraints; nothing where none does."""
-    broken = {each.posture for each in check.violations}
-    if not broken:
-        return ""
-    verb = "breaks" if len(broken) == 1 else "break"
-    return f"{len(broken)} of {counted(len(check.postures), 'posture')} {verb} the constraints of the plan"
-
-
-def _plan_headline(check: Check, name: Namer) -> str:
-    because = determined_because(check.parameters, check.identifiability.null_space, name)
-    if not check.violations:
-        return because
-    first = check.violations[0]
-    unseen = all(any(each.unseen for each in posture.violations) for posture in check.postures)
-    return (
-        f"{_broken(check)}, first posture {first.posture}: {violation_words(first)}."
-        f" {'No posture gives a measurement; if each did: ' if unseen else ''}{because}"
-    )
-
-
-def determined_because(
-    parameters: Sequence[Any], null_space: Sequence[NullDirection], name: Namer = str
-) -> str:
-    """What can be said of the offsets, the gravest first, with the reasons of what is unidentifiable."""
-    rows = [row for row in parameters if row.group == "offset"]
-    open_ = [row.name for row in rows if row.status == "unidentifiable"]
-    reasons = dict.fromkeys(reason(worst_direction(null_space, each).cause, name) for each in open_)
-    texts: dict[Status, str] = {
-        "unidentifiable": f"unidentifiable from these measurements: {'; '.join(reasons)}",
-        "weak": "only weakly observable in these measurements",
-        "identified": "identified",
-        "unvalidated": "unvalidated",
-    }
-    return determined(rows, texts, name) or _NONE_ESTIMATED
-
-
-def tried_change(check: Check) -> Tried | None:
-    """The change of the postures that the message of a weak or degenerate plan suggests; None where it
-    suggests none."""
-    open_ = next((row.finding for row in rows_of(check, PLAN) if isinstance(row.finding, Open)), None)
-    tried = None if open_ is None else open_.direction.tried
-    return None if tried is None or tried.joint is None else tried
 
 
 # Of a result that is read

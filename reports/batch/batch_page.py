@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from ...analysis.diagnostics.outliers import FEWEST_VALUES
 from ...experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchOffset, BatchRow
 from ...words import numbers
-from ...words.message import VERDICT_WORDS
+from ...words.entries import VERDICT_WORDS
 from ...words.wording import clipped, counted, label, person, shown
 from ..style.blocks import (
     Block,

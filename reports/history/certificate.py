@@ -119,8 +119,7 @@ def _of(answer: object, *names: str) -> dict[str, object]:
 
 
 def _require_certifiable(stored: StoredResult, result: Result, message: Message) -> None:
-    if message.may.certify:
-        return
+    """BadInput where its message does not allow it, or its own rows do not, whatever its message says."""
     of = f"run {stored.run}, SHA-256 {stored.sha256[:12]}…"
     if result.verdict == "misfit":
         raise BadInput(
@@ -137,12 +136,13 @@ def _require_certifiable(stored: StoredResult, result: Result, message: Message)
             found=of,
             remedy="measure more postures (zerobeam check says which), or name another result by --run",
         )
-    raise BadInput(
-        "this result is not certified: something speaks against it",
-        found=f"{of}: {message.verdict}",
-        allowed="a result that nothing speaks against",
-        remedy=message.action.text or "find the cause (zerobeam report), or name another result by --run",
-    )
+    if not message.may.certify:
+        raise BadInput(
+            "this result is not certified: something speaks against it",
+            found=f"{of}: {message.verdict}",
+            allowed="a result that nothing speaks against",
+            remedy=message.action.text or "find the cause (zerobeam report), or name another result by --run",
+        )
 
 
 def _form(inputs: Inputs) -> Json:

@@ -11,8 +11,8 @@ from ...experiments.history.signing import grouped
 from ...model.instruments.registry import kind_of
 from ...words import numbers
 from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
+from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import tolerance_words
-from ...words.message import VERDICT_WORDS
 from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
 from ...words.wording import NOT_DETERMINED, clipped, counted, ended, label, listed, sentence, shown

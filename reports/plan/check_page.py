@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry_result import GeometryResult
 from ...words import numbers
+from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import check_lines, worth_sentence
-from ...words.message import VERDICT_WORDS, headline, message
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
+from ...words.plan_catalogue import plan_headline, plan_message
 from ...words.plan_words import check_notes
 from ...words.wording import label, person, sentence
 from ..run.parameter_section import worth_column
@@ -78,15 +79,15 @@ def _page(check: Check, *blocks: Block) -> Page:
 
 def verdict_on(check: Check) -> Verdict:
     """The verdict on a plan, as a page has it."""
-    text = sentence(headline(check, person))
-    return Verdict(message(check).grade or "held", VERDICT_WORDS[check.verdict], text)
+    text = sentence(plan_headline(check, person))
+    return Verdict(plan_message(check).grade or "held", VERDICT_WORDS[check.verdict], text)
 
 
 def _what_to_do(check: Check) -> list[Block]:
     """Where postures break constraints."""
     if not check.violations:
         return []
-    action = message(check).action
+    action = plan_message(check).action
     command = [] if action.command is None else [Commands([action.command])]
     return [Paragraph(f"To do: {sentence(action.text)}"), *command]
 

@@ -7,8 +7,8 @@ from zerobeam.analysis.observability.identifiability import Identified
 from zerobeam.analysis.status import Status, Verdict, verdict_of
 from zerobeam.model.likelihood.parameters import Parameter
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.message import determined_because
 from zerobeam.words.observability import reason
+from zerobeam.words.plan_catalogue import determined_because
 
 
 def verdict(problem: Problem, identified: Identified) -> Verdict:

@@ -10,8 +10,7 @@ from zerobeam.model.records import it, key, record
 from zerobeam.reports.output.whole_folder import FolderContents, Kind, Written, write_answer
 from zerobeam.reports.style.blocks import Cell, Page, Verdict, row_of, section_of, table_of
 from zerobeam.words import numbers
-from zerobeam.words.catalogue import FindingEntry
-from zerobeam.words.message import message_by
+from zerobeam.words.entries import FindingEntry, message_by
 from zerobeam.words.sentences import to_json
 from zerobeam.words.wording import NOT_DETERMINED
 

@@ -66,8 +66,10 @@ from zerobeam.reports.plan.check_page import check_page
 from zerobeam.reports.run.brief_page import brief_page, side_by_side
 from zerobeam.reports.run.report import report_page
 from zerobeam.words.case import RunCase
-from zerobeam.words.catalogue import PLAN, RUN, FindingEntry, SaidToEnterNothing, rows_of
+from zerobeam.words.catalogue import RUN, SaidToEnterNothing
+from zerobeam.words.entries import FindingEntry, rows_of
 from zerobeam.words.message import message, next_steps, read_message
+from zerobeam.words.plan_catalogue import PLAN
 from zerobeam.words.sentences import to_json
 
 pytest.importorskip("sqlalchemy")

@@ -12,7 +12,7 @@ from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
 from ....model.records import it, record
-from ....words.message import tried_change
+from ....words.plan_catalogue import tried_change
 from ..folder import Folder
 from ..job_commands import job_command
 

@@ -1,0 +1,229 @@
+"""What is found in a plan that was checked, an entry each, from the gravest down; its message and
+headline.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ..analysis.answer.answer_message import Action, May, Message
+from ..analysis.observability.causes import NullDirection, Tried, worst_direction
+from ..analysis.observability.check import (
+    Check,
+    CheckedParameter,
+    OutsideLimits,
+    TargetBehind,
+    Unreachable,
+    Violation,
+)
+from ..analysis.status import Status
+from ..model.instruments.kind import Assumption
+from . import numbers
+from .entries import (
+    NONE_ESTIMATED,
+    VERDICT_WORDS,
+    FindingEntry,
+    Open,
+    assumed_of,
+    holds_if,
+    if_,
+    message_by,
+    open_directions,
+    rows_of,
+    some,
+    why_open,
+    worst_of,
+)
+from .observability import (
+    assumed_steps,
+    condition,
+    determined,
+    direction_remedy,
+    over_target_sentence,
+    power_sentences,
+    reason,
+    stating,
+)
+from .plan_words import plan_sentence, violation_sentence, violation_words
+from .wording import Namer, capital, counted, ended, listed, person, sentence
+
+_COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
+
+
+def estimated(check: Check) -> list[CheckedParameter]:
+    """The offsets that a run of the plan estimates."""
+    return [row for row in check.parameters if row.group == "offset" and not row.held]
+
+
+def _open_in(status: Status) -> Callable[[Check], Iterator[Open]]:
+    return lambda check: open_directions(estimated(check), check.identifiability.null_space, status)
+
+
+def _why_open_in(one: Open, check: Check) -> str:
+    return f"{person(one.row.name)}: {why_open(one, person)}"
+
+
+def _change_plan(one: Open, check: Check) -> str:
+    return capital(direction_remedy(one.direction, person))
+
+
+def _change_postures(first: Violation, check: Check) -> str:
+    broken = sorted({each.posture for each in check.violations})
+    noun = "posture" if len(broken) == 1 else "postures"
+    arm_alone = all(each.condition == "arm" for each in check.violations)
+    return (
+        f"Change or remove {noun} {listed([str(i) for i in broken])} (the plan's first posture is 0)"
+        f"{'' if arm_alone else ', or loosen the constraint'}, or make another plan"
+    )
+
+
+def _made_anew(first: Violation, check: Check) -> str | None:
+    """The command that plans as many measurements by the plan's header; None for several instruments."""
+    if len(check.aimed.plan.header.labels) > 1:
+        return None
+    plan = shlex.quote(check.inputs.plan)
+    return f"zerobeam plan optimal --header {plan} --shots {len(check.postures)} -o new-plan.yaml"
+
+
+def _assumed_in(check: Check) -> Iterator[tuple[Assumption, ...]]:
+    rows = estimated(check)
+    if all(row.status != "identified" for row in rows):
+        yield from assumed_of(rows)[:1]
+
+
+PLAN: tuple[FindingEntry[Check], ...] = (
+    FindingEntry(
+        "a broken constraint",
+        "stop",
+        lambda first, check: f"posture {first.posture}: {violation_words(first)}",
+        _change_postures,
+        _made_anew,
+        colour="misfit",
+        found=lambda check: check.violations[:1],
+    ),
+    FindingEntry(
+        "more broken constraints",
+        "stop",
+        lambda each, check: violation_sentence(each),
+        place="caution",
+        found=lambda check: check.violations[1:],
+    ),
+    FindingEntry(
+        "an unidentifiable offset",
+        "doubt",
+        _why_open_in,
+        _change_plan,
+        place="cause",
+        found=_open_in("unidentifiable"),
+    ),
+    FindingEntry("a weak offset", "doubt", _why_open_in, _change_plan, place="cause", found=_open_in("weak")),
+    FindingEntry(
+        "assumed offsets alone",
+        "doubt",
+        None,
+        lambda assumed, check: capital(stating(assumed)),
+        found=_assumed_in,
+    ),
+    FindingEntry(
+        "no offset is estimated",
+        "doubt",
+        remedy="Estimate an offset: leave it out of `held`",
+        found=if_(lambda check: not estimated(check)),
+    ),
+    FindingEntry(
+        "conditions of a pass",
+        "note",
+        holds_if("a pass of such a run"),
+        place="cause",
+        found=lambda check: some(condition(check.power)),
+    ),
+    FindingEntry(
+        "a plan as it is",
+        "note",
+        remedy="Nothing needs to change. Measure by this plan",
+        found=if_(lambda check: True),
+    ),
+    *(
+        FindingEntry(kind, "note", lambda one, check: plan_sentence(one))
+        for kind in (Unreachable, TargetBehind, OutsideLimits)
+    ),
+    FindingEntry("warnings of the file", "note", found=lambda check: check.warnings),
+    FindingEntry("assumed offsets", "note", found=lambda check: assumed_steps(estimated(check), person)),
+    FindingEntry("the target elsewhere", "note", found=lambda check: some(over_target_sentence(check))),
+    FindingEntry(
+        "what a run may not show",
+        "note",
+        found=lambda check: (text for text in power_sentences(check.power) if "may not detect" in text),
+    ),
+)
+
+
+# The message
+
+
+def plan_message(check: Check) -> Message:
+    def value(row: Any) -> str:
+        if row.std is None:
+            return "not determined by this plan"
+        u = numbers.spread(_COVERAGE * row.std, numbers.unit_of(row.unit))
+        return f"U {u} ({numbers.coverage(_COVERAGE)})"
+
+    texts: dict[Status, str] = {
+        "unidentifiable": "unidentifiable by this plan",
+        "weak": "only weakly observable",
+        "identified": "identified",
+    }
+    verdict = f"{VERDICT_WORDS[check.verdict]}. {f'{_broken(check)}. ' if check.violations else ''}"
+    verdict += determined(estimated(check), texts, person) or NONE_ESTIMATED
+    rows = [row for row in estimated(check) if row.status != "assumed"]
+    content = message_by(check, PLAN, verdict, worst_of(rows, _COVERAGE, value))
+    action = Action(ended(sentence(content.action.text)), content.action.command)
+    return replace(content, action=action, may=May())
+
+
+def _broken(check: Check) -> str:
+    """How many postures break constraints; nothing where none does."""
+    broken = {each.posture for each in check.violations}
+    if not broken:
+        return ""
+    verb = "breaks" if len(broken) == 1 else "break"
+    return f"{len(broken)} of {counted(len(check.postures), 'posture')} {verb} the constraints of the plan"
+
+
+def plan_headline(check: Check, name: Namer) -> str:
+    because = determined_because(check.parameters, check.identifiability.null_space, name)
+    if not check.violations:
+        return because
+    first = check.violations[0]
+    unseen = all(any(each.unseen for each in posture.violations) for posture in check.postures)
+    return (
+        f"{_broken(check)}, first posture {first.posture}: {violation_words(first)}."
+        f" {'No posture gives a measurement; if each did: ' if unseen else ''}{because}"
+    )
+
+
+def determined_because(
+    parameters: Sequence[Any], null_space: Sequence[NullDirection], name: Namer = str
+) -> str:
+    """What can be said of the offsets, the gravest first, with the reasons of what is unidentifiable."""
+    rows = [row for row in parameters if row.group == "offset"]
+    open_ = [row.name for row in rows if row.status == "unidentifiable"]
+    reasons = dict.fromkeys(reason(worst_direction(null_space, each).cause, name) for each in open_)
+    texts: dict[Status, str] = {
+        "unidentifiable": f"unidentifiable from these measurements: {'; '.join(reasons)}",
+        "weak": "only weakly observable in these measurements",
+        "identified": "identified",
+        "unvalidated": "unvalidated",
+    }
+    return determined(rows, texts, name) or NONE_ESTIMATED
+
+
+def tried_change(check: Check) -> Tried | None:
+    """The change of the postures that the message of a weak or degenerate plan suggests; None where it
+    suggests none."""
+    open_ = next((row.finding for row in rows_of(check, PLAN) if isinstance(row.finding, Open)), None)
+    tried = None if open_ is None else open_.direction.tried
+    return None if tried is None or tried.joint is None else tried
