@@ -62,9 +62,20 @@ const drop = () => change(null, (content) => { content.postures_deg.splice(chose
 /** Joint values in words, as the pendant shows them. @param {import("../core/counting.js").CountedArm} body @param {number[]} joints */
 const jointsIn = (body, joints) => { const shown = counted(body, joints); return body.pendant.order.map((k) => `${body.pendant.names[k - 1]} ${fixed(shown[k - 1], 1)}`).join(", "); };
 
+/**
+ * Scroll a strip so that one of its items is seen. Not by `scrollIntoView`, which Tab would go on from.
+ * @param {HTMLElement | null} strip @param {Element | undefined} item
+ */
+const shownWithin = (strip, item) => {
+  if (!strip || !item) return;
+  const seen = strip.getBoundingClientRect(), box = item.getBoundingClientRect();
+  strip.scrollLeft += Math.min(0, box.left - seen.left) + Math.max(0, box.right - seen.right);
+  strip.scrollTop += Math.min(0, box.top - seen.top) + Math.max(0, box.bottom - seen.bottom);
+};
+
 export function Postures() {
   const count = rows.value.length, i = chosen.value, strip = useRef(/** @type {HTMLOListElement | null} */ (null));
-  useEffect(() => { if (i !== null) strip.current?.children[i]?.scrollIntoView({ block: "nearest", inline: "nearest" }); }, [i]);
+  useEffect(() => { if (i !== null) shownWithin(strip.current, strip.current?.children[i]); }, [i]);
   useEffect(() => {
     const rest = pending.value ? 0 : setTimeout(ask, REST_MS);
     return () => clearTimeout(rest);
