@@ -38,8 +38,8 @@ class StatusRow:
         return self.status == "held"
 
     @property
-    def is_known(self) -> bool:
-        """Whether it has numbers."""
+    def has_numbers(self) -> bool:
+        """Whether its status allows it numbers: it is determined, assumed, or stated by a table."""
         return has_numbers(self.status)
 
     @property
@@ -83,5 +83,5 @@ class ParameterRow(StatusRow):
 
     def require_whole(self) -> None:
         """UnsoundResult where it lacks a number that its status promises."""
-        if self.is_known and None in (self.estimate, self.std, self.interval95):
+        if self.has_numbers and None in (self.estimate, self.std, self.interval95):
             raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")

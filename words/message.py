@@ -242,9 +242,9 @@ def offered(result: Result) -> Entered | None:
     return result.entered if message(result).may.export else None
 
 
-def next_steps(result: Result, message: Message) -> NextSteps:
-    """What to do with an answer, whatever its verdict; the first step is the action of its `message`."""
-    action, entered = message.action, offered(result)
+def next_steps(result: Result, content: Message) -> NextSteps:
+    """What to do with an answer, whatever its verdict; the first step is the action of its message."""
+    action, entered = content.action, offered(result)
     first = NextStep(action.text, () if action.command is None else (action.command,))
     if entered is None:
         return NextSteps((), (first, *_alone(result)))

@@ -369,7 +369,7 @@ def compared(
         std = float(EXPERIMENTS[:, k].std(ddof=1))
         low, high = (float(std * np.sqrt(dof / stats.chi2.ppf((1 + s * _LEVEL) / 2, dof))) for s in (1, -1))
         row = ScatterParameter(offset, "deg", status[offset], std, low, high)
-        if row.is_known:
+        if row.has_numbers:
             row = replace(
                 row,
                 predicted_std=float(np.sqrt(covariance[k, k])),

@@ -205,7 +205,7 @@ class FramedStation(Station):
         """With a free frame in place of an exact one, which is where it was known to be."""
         if not self.frame.exact:
             return self, {}
-        frame = StationFrame(self.frame.rotation, self.frame.origin, _FRAME_MM, FREE_RAD, "free")
+        frame = self.frame._replace(std_mm=_FRAME_MM, std_rad=FREE_RAD, known="free")
         free = replace(self, frame=frame)
         return free, {f"{unknown.of}.{unknown.axis}": unknown.mean for unknown in free.frame_unknowns}
 

@@ -137,7 +137,7 @@ def _scatter(plan: Table2Plan) -> Table:
     for row in plan.parameters:
         name, unit = label(row.name), row.unit
         paper = [spread(row.paper_std, unit), spread_range(row.low, row.high, unit)]
-        if not row.is_known:
+        if not row.has_numbers:
             undetermined = Cell(NOT_DETERMINED, span=len(columns) - 3)
             rows.append(row_of(name, *paper, undetermined, tone="unidentifiable"))
             continue
@@ -244,7 +244,7 @@ def _draw_paper(axes: Axes, y: float, row: ScatterParameter) -> None:
 
 
 def _ours(axes: Axes, y: float, row: ScatterParameter) -> None:
-    if not row.is_known:
+    if not row.has_numbers:
         hatched(axes, y, NOT_DETERMINED, half=0.15, size=8)
         return
     blue, simulated = light("identified"), row.simulated
@@ -295,7 +295,7 @@ def _alt(plans: Sequence[Table2Plan]) -> str:
             unit = row.unit
             paper = f"{label(row.name)} paper {spread(row.paper_std, unit)}"
             paper += f" ({spread_range(row.low, row.high, unit)})"
-            ours = f"predicted {spread(row.predicted_std, unit)}" if row.is_known else NOT_DETERMINED
+            ours = f"predicted {spread(row.predicted_std, unit)}" if row.has_numbers else NOT_DETERMINED
             offsets.append(f"{paper}, {ours}")
         parts.append(f"plan {clipped(plan.name, 40)}: {'; '.join(offsets)}")
     return f"Standard deviations of the offsets. {'. '.join(parts)}."

@@ -21,8 +21,7 @@ from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, fit_lik
 from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
-from ....analysis.status import has_numbers as is_known
-from ....analysis.status import verdict_of
+from ....analysis.status import has_numbers, verdict_of
 from ....model.arrays import Index, Matrix, Progress, normal_half_width
 from ....model.errors import BadInput
 from ....model.files.header import Header
@@ -114,7 +113,7 @@ def studied_case(case: Case, seed: int) -> GridCase:
     std = parameters.unscaled(predicted_std(problem, x))
     estimated = parameters.free & ~parameters.tolerated
     which = np.flatnonzero(estimated & (parameters.group("offset") | parameters.group("tool")))
-    known = np.array([i for i in which if is_known(identified.status[i])], dtype=np.intp)
+    known = np.array([i for i in which if has_numbers(identified.status[i])], dtype=np.intp)
     runs = _simulated(case, seed, problem, known)
     rows = []
     for i in which:
@@ -139,7 +138,7 @@ def studied_case(case: Case, seed: int) -> GridCase:
         case.words,
         shots=problem.shots,
         verdict=verdict_of(identified.status[problem.parameters.block("offset")]),
-        worst_std=max(degrees) if degrees and all(row.is_known for row in offsets) else None,
+        worst_std=max(degrees) if degrees and all(row.has_numbers for row in offsets) else None,
         failed=0 if runs is None else runs.failed,
         unmet=0 if runs is None else runs.unmet,
         parameters=tuple(rows),

@@ -57,7 +57,7 @@ def lines_picture(study: GridStudy) -> Picture | None:
     no case identifies any parameter.
     """
     every = {one.name: one for one in study.parameters}
-    if not any(one.is_known for one in study.parameters):
+    if not any(one.has_numbers for one in study.parameters):
         return None
     (along,) = (i for i, axis in enumerate(study.axes) if axis.numeric is not None)
     axis, every_series = study.axes[along], by_point(study, {along})

@@ -83,7 +83,7 @@ def gap(case: GridCase, one: CaseParameter | None) -> str:
         return NO_PLAN
     if one is None:
         return NOT_ESTIMATED
-    return "" if one.is_known else HELD if one.status == "held" else NOT_DETERMINED
+    return "" if one.has_numbers else HELD if one.status == "held" else NOT_DETERMINED
 
 
 def hatch(draw: Callable[..., Drawn], *at: object, words: str, **options: object) -> Drawn:

@@ -176,7 +176,7 @@ def _beside(study: GridStudy) -> Table | None:
 
 
 def _of_beside(one: CaseParameter) -> str:
-    return _predicted(one) if one.is_known else _unknown(one)
+    return _predicted(one) if one.has_numbers else _unknown(one)
 
 
 def _least_certain(case: GridCase) -> str:
@@ -217,8 +217,8 @@ def _parameters(study: GridStudy) -> Table | None:
         about = f"{case_name(study, case)}: {words}, {counted(case.shots or 0, 'measurement')}"
         of_case = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
         for one in case.parameters:
-            cells = _cells(one, likelihood, midpoint) if one.is_known else [Cell(_unknown(one), span=span)]
-            of_case.append(row_of(label(one.name), *cells, tone="" if one.is_known else one.status))
+            cells = _cells(one, likelihood, midpoint) if one.has_numbers else [Cell(_unknown(one), span=span)]
+            of_case.append(row_of(label(one.name), *cells, tone="" if one.has_numbers else one.status))
         if count and len(rows) + len(of_case) > MOST_ROWS:
             break
         rows += of_case
