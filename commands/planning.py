@@ -80,7 +80,7 @@ def plan(
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_plan(turned.plan, turned))
     picture = None if made.file is None else picture
-    show_answer(as_json, made.as_json(), lambda: proposal_page(made), plan=made.file, picture=picture)
+    show_answer(as_json, made, lambda: proposal_page(made), plan=made.file, picture=picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
 

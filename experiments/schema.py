@@ -20,6 +20,7 @@ from ..model.parsing.reading import did_you_mean
 from .arm_shown import ShownArm
 from .batch import Batch
 from .history.documents import ArmDocument, DriftOfArms, FleetDocument, HistoryList
+from .plans.make import MadePlan
 from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
@@ -49,6 +50,7 @@ _ANSWERS: dict[str, type] = {
     "history-fleet": FleetDocument,
     "drift": DriftOfArms,
     "arm": ShownArm,
+    "proposal": MadePlan,
 }
 SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 

@@ -333,7 +333,7 @@ def optimal_plan(
     made = make_plan(PlanRequest.of("optimal", *_header(header), options), None, lambda stage, share: None)
     if made.plan is None:
         assert made.fewest is not None  # without a tolerance there is a plan
-        most, worst = made.fewest.curve[-1]
+        most, worst = made.fewest.curve[-1].shots, made.fewest.curve[-1].worst_std
         raise BadInput(
             f"no plan of up to {max_shots} measurements reaches the tolerance",
             found=f"{numbers.spread(worst)} with {most} measurements; the limit is {made.fewest.limit}",

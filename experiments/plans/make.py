@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import radians
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 
 from ...analysis.acceptance.acceptance import LackingTest, lacking_test
-from ...analysis.observability.check import Check
+from ...analysis.observability.check import Check, CheckedParameter
+from ...analysis.observability.check import Planned as PlanVerdict
+from ...analysis.observability.outlook import CurvePoint
+from ...analysis.observability.power import DetectionPower
 from ...model.arrays import Progress
 from ...model.errors import BadInput
 from ...model.files.from_arrays import checked
@@ -21,6 +24,7 @@ from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
 from ...model.kinematics.robot import Robot
+from ...model.records import inline, internal, it, key, record
 from ...words import numbers
 from ...words.acceptance_words import lacking_test_sentence
 from ...words.observability import no_plan_sentence, power_sentences
@@ -31,6 +35,11 @@ from .optimal import Fewest, Planner, Proposal
 from .patterns import Line, pattern
 from .plan_options import Pattern, PlanOptions, Portion
 
+PROPOSAL_SCHEMA: Final = "zerobeam/proposal/1"
+_OF_PROPOSAL = (
+    *("criterion", "value", "bound", "efficiency", "converged", "support"),
+    *("travel_s", "candidates"),
+)
 _USUAL, _USUAL_UNCERTAIN = 7, 20  # measurements: of a pattern or an exact arm, of an uncertain arm
 _LOOSE = 0.8  # a certified efficiency below this needs a word
 NO_OBSTACLES = Obstacles()
@@ -66,7 +75,7 @@ class PlanRequest(PlanOptions):
         return _USUAL_UNCERTAIN if self.kind == "optimal" and self.header.arm is not None else _USUAL
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class MadePlan:
     """A plan and the verdict of `check` on it; `proposal` is None for a pattern. `untested` says what an
     acceptance test after an optimal plan lacks, where it cannot pass.
@@ -75,25 +84,30 @@ class MadePlan:
     and where none was asked for.
     """
 
-    kind: Pattern
-    plan: Plan | None
-    file: Path | None
-    checked: Check | None
-    proposal: Proposal | None
-    fewest: Fewest | None
-    removed: str | None
-    untested: LackingTest | None = None
+    schema: Annotated[Literal["zerobeam/proposal/1"], it("kind and version of the document")] = field(
+        default=PROPOSAL_SCHEMA, kw_only=True
+    )
+    kind: Annotated[Pattern, it("of plan")]
+    plan: Annotated[Plan | None, internal]
+    file: Annotated[Path | None, internal]
+    checked: Annotated[Check | None, it("the whole answer of `check` on the plan written", name="check")]
+    proposal: Annotated[Proposal | None, inline(**{name: name for name in _OF_PROPOSAL})]
+    fewest: Annotated[Fewest | None, inline(tolerance="tolerance", most="max_shots", limit="limit")]
+    removed: Annotated[
+        str | None, it("how many candidate postures each constraint removed, in words; null for a pattern")
+    ]
+    untested: Annotated[LackingTest | None, internal] = None
 
     def __repr__(self) -> str:
         count = 0 if self.plan is None else len(self.plan.postures)
         return f"<MadePlan: {self.kind}, {count} postures>"
 
     @property
+    @key("how good the choice is and why it may not be better, or why there is no plan", name="said")
     def sentences(self) -> list[str]:
-        """Sentences on how good the choice is and why it may not be better, or why there is no plan."""
         made, fewest = self.proposal, self.fewest
         if self.checked is None and fewest is not None:
-            most, worst = fewest.curve[-1]
+            most, worst = fewest.curve[-1].shots, fewest.curve[-1].worst_std
             return [
                 f"No plan of up to {fewest.most} measurements is enough. With {most} measurements the largest"
                 f" standard uncertainty is {numbers.spread(worst)}, the tolerance"
@@ -126,32 +140,45 @@ class MadePlan:
         untested = None if self.untested is None else lacking_test_sentence(self.untested)
         return [*lines, *power_sentences(made.power), *(each for each in (never, untested) if each)]
 
-    def as_json(self) -> dict[str, object]:
-        """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
-        from ...words.sentences import to_json
+    @property
+    @key("the name of the file, null if none was written", name="plan")
+    def file_name(self) -> str | None:
+        return None if self.file is None else self.file.name
 
-        made, fewest, checked = self.proposal, self.fewest, self.checked
-        offsets = [] if checked is None else [row for row in checked.parameters if row.group == "offset"]
-        of_bound = ("criterion", "value", "bound", "efficiency", "converged", "support")
-        figures = (*of_bound, "travel_s", "candidates")
-        return {
-            "schema": "zerobeam/proposal/1",
-            "kind": self.kind,
-            "plan": None if self.file is None else self.file.name,
-            "verdict": None if checked is None else checked.verdict,
-            "shots": None if checked is None else len(checked.postures),
-            "predicted_std": {row.name: row.std for row in offsets},
-            "units": {row.name: row.unit for row in offsets},
-            **{name: None if made is None else getattr(made, name) for name in figures},
-            "power": [] if made is None else to_json(made.power),
-            "removed": self.removed,
-            "tolerance": None if fewest is None else fewest.tolerance,
-            "max_shots": None if fewest is None else fewest.most,
-            "curve": [] if fewest is None else [{"shots": k, "worst_std": std} for k, std in fewest.curve],
-            "limit": None if fewest is None else fewest.limit,
-            "said": self.sentences,
-            "check": None if checked is None else to_json(checked),
-        }
+    @property
+    @key("of `check` on the plan written")
+    def verdict(self) -> PlanVerdict | None:
+        return None if self.checked is None else self.checked.verdict
+
+    @property
+    @key("the number of its postures")
+    def shots(self) -> int | None:
+        return None if self.checked is None else len(self.checked.postures)
+
+    @property
+    @key("by name of each offset: the `std` of the check")
+    def predicted_std(self) -> dict[str, float | None]:
+        return {row.name: row.std for row in self._offsets}
+
+    @property
+    @key("by name of each offset: `deg` or `mm`")
+    def units(self) -> dict[str, str]:
+        return {row.name: row.unit for row in self._offsets}
+
+    @property
+    @key("as of a check: the probability with which a run of the plan detects each wrong model")
+    def power(self) -> tuple[DetectionPower, ...]:
+        return () if self.proposal is None else self.proposal.power
+
+    @property
+    @key("`shots` and `worst_std` of the numbers of measurements that were tried, up to that of the answer")
+    def curve(self) -> tuple[CurvePoint, ...]:
+        return () if self.fewest is None else self.fewest.curve
+
+    @property
+    def _offsets(self) -> list[CheckedParameter]:
+        rows = () if self.checked is None else self.checked.parameters
+        return [row for row in rows if row.group == "offset"]
 
 
 def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force: bool = False) -> MadePlan:

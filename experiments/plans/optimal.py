@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
-from ...analysis.observability.outlook import mounted_spread, predicted_std, typical
+from ...analysis.observability.outlook import CurvePoint, mounted_spread, predicted_std, typical
 from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
@@ -20,6 +21,7 @@ from ...model.files.header import Header
 from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, Whitened
+from ...model.records import it
 from ...words.observability import power_limit
 from ..processes import on_cluster
 from .candidates import CandidatePostures, Planned, pools_in_words
@@ -45,15 +47,24 @@ class Proposal:
 
     postures: Matrix
     planned: tuple[Planned, ...]
-    criterion: Criterion
+    criterion: Annotated[Criterion, it("null for a pattern, as all of the choice is")]
     std: dict[str, float]
-    value: float
-    bound: float
-    efficiency: float
-    support: int
-    travel_s: float | None
-    candidates: int
-    converged: bool
+    value: Annotated[float, it("of the criterion")]
+    bound: Annotated[float, it("a lower bound for all plans from these candidates")]
+    efficiency: Annotated[float, it("bound over value: the plan is at least that good")]
+    support: Annotated[int, it("number of postures in the continuous design behind the bound")]
+    travel_s: Annotated[
+        float | None,
+        it(
+            "time of the moves at full joint speeds, in the order of the file; null if the robot file states"
+            " no speeds"
+        ),
+    ]
+    candidates: Annotated[int, it("number of candidate postures")]
+    converged: Annotated[
+        bool,
+        it("false where the steps for the bound were used up: it holds, and `efficiency` may be higher"),
+    ]
     power: tuple[DetectionPower, ...]
     unnoticed: tuple[DetectionPower, ...]
 
@@ -77,14 +88,13 @@ class Proposal:
 @dataclass(frozen=True, eq=False)
 class Fewest:
     """The answer to "how many measurements?". `proposal` is None where no number up to `most` is enough;
-    `curve` lists (measurements, worst predicted std) of the numbers that were tried, up to that of the
-    answer, `limit` names the limit in words."""
+    `curve` lists the numbers of measurements that were tried, up to that of the answer."""
 
-    tolerance: float
-    most: int
+    tolerance: Annotated[float, it("as requested")]
+    most: Annotated[int, it("as requested")]
     proposal: Proposal | None
-    curve: tuple[tuple[int, float], ...]
-    limit: str | None
+    curve: tuple[CurvePoint, ...]
+    limit: Annotated[str | None, it("why no number of measurements is enough, in words; null if one is")]
 
 
 class Planner:
@@ -213,7 +223,7 @@ class Planner:
             middle = (low + high) // 2
             low, high = (low, middle) if enough(middle) else (middle + 1, high)
         proposal = made[high]
-        curve = tuple((shots, made[shots].worst) for shots in sorted(made) if shots <= high)
+        curve = tuple(CurvePoint(shots, made[shots].worst) for shots in sorted(made) if shots <= high)
         if reached:
             return Fewest(tolerance, most, proposal, curve, None)
         short = proposal.worst > tolerance or not proposal.lacking

@@ -14,6 +14,7 @@ from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.sentences import to_json
 
 PROBE = {
     "robot": "ur5e",
@@ -58,7 +59,7 @@ def test_too_few_measurements_are_named_with_the_number_that_is_enough() -> None
     assert lacking.power < POWER < AIM
     assert f"Some {lacking.needed} measurements" in few.sentences[-1]
     assert few.sentences[-1].startswith("A calibration by 8 measurements is predicted to leave no acceptance")
-    assert few.as_json()["said"] == few.sentences
+    assert to_json(few)["said"] == few.sentences
     enough = made(lacking.needed)  # the control: of so many nothing is said
     assert enough.untested is None
     assert not any("acceptance" in sentence for sentence in enough.sentences)

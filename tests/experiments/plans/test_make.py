@@ -18,6 +18,7 @@ from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import read_plan
+from zerobeam.words.sentences import to_json
 
 OFFSETS = [f"delta{i}" for i in range(2, 7)]
 PLANAR_ROBOT = """\
@@ -43,7 +44,7 @@ def made(file: Path, **changes: Any) -> MadePlan:
 @pytest.mark.one_in(3)
 def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
     file = tmp_path / "plan.yaml"
-    answer = made(file, kind=kind).as_json()
+    answer = to_json(made(file, kind=kind))
     json.dumps(answer, allow_nan=False)
     plan = read_plan(file)
     again = check(plan)
@@ -114,21 +115,21 @@ def test_what_cannot_be_is_refused_and_nothing_written(
 
 @pytest.mark.long
 def test_the_fewest_shots(tmp_path: Path) -> None:
-    enough = made(tmp_path / "enough.yaml", shots=6).as_json()["predicted_std"]
+    enough = to_json(made(tmp_path / "enough.yaml", shots=6))["predicted_std"]
     tolerance = 1.001 * max(enough[name] for name in OFFSETS)
     plan = made(tmp_path / "plan.yaml", tolerance=tolerance, max_shots=20, shots=99)
-    answer = plan.as_json()
+    answer = to_json(plan)
     assert answer["limit"] is None
     assert answer["shots"] == answer["curve"][-1]["shots"]
     assert max(answer["predicted_std"][name] for name in OFFSETS) <= tolerance * (1 + 1e-4)
     # One fewer is not enough: for the tolerance, or to notice wrong models.
-    fewer = made(tmp_path / "fewer.yaml", tolerance=tolerance, max_shots=answer["shots"] - 1).as_json()
+    fewer = to_json(made(tmp_path / "fewer.yaml", tolerance=tolerance, max_shots=answer["shots"] - 1))
     assert (fewer["plan"], fewer["limit"] is None) == (None, False)
 
 
 def test_a_tolerance_that_no_number_reaches(tmp_path: Path) -> None:
     file = tmp_path / "plan.yaml"
-    answer = made(file, tolerance=0.001, max_shots=6).as_json()
+    answer = to_json(made(file, tolerance=0.001, max_shots=6))
     assert not file.exists()
     assert [answer[key] for key in ("plan", "verdict", "shots", "check")] == [None] * 4
     assert answer["predicted_std"] == {}
@@ -140,7 +141,7 @@ def test_a_tolerance_that_no_number_reaches(tmp_path: Path) -> None:
 def test_a_gauge_is_the_limit(tmp_path: Path) -> None:
     """With delta1 freed no number of shots will do."""
     own = header(LASER, target=None, held=[])
-    answer = made(tmp_path / "plan.yaml", header=own, tolerance=0.02, max_shots=6).as_json()
+    answer = to_json(made(tmp_path / "plan.yaml", header=own, tolerance=0.02, max_shots=6))
     assert "delta1" in answer["limit"]
     assert "almost no information" in answer["limit"]
 
@@ -165,10 +166,10 @@ def test_another_robot_and_its_path_as_seen_from_the_plan(tmp_path: Path) -> Non
     (tmp_path / "cell" / "arm.yaml").write_text(PLANAR_ROBOT)
     own = header(LASER, target=None, noise={"joint_mm": 0.02}).model_copy(update={"robot": "arm.yaml"})
     file = tmp_path / "plans" / "plan.yaml"
-    answer = made(
+    answer = to_json(made(
         file, header=own, header_folder=tmp_path / "cell", target=(500.0, 300.0, 0.0), shots=8,
         facing=None, bodies=Obstacles(floor_mm=None),
-    ).as_json()  # fmt: skip
+    ))  # fmt: skip
     plan = read_plan(file)
     assert plan.robot.name == "gantry arm"
     assert plan.header.robot == "../cell/arm.yaml"
@@ -194,4 +195,4 @@ def test_a_bound_that_did_not_converge_is_said(tmp_path: Path) -> None:
     for converged in (True, False):
         own = replace(plan, proposal=replace(plan.proposal, converged=converged))
         assert any(line.startswith(said) for line in own.sentences) == (not converged)
-        assert own.as_json()["converged"] is converged
+        assert to_json(own)["converged"] is converged

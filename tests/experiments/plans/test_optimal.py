@@ -131,16 +131,16 @@ def test_far_better_than_a_y_pattern(monkeypatch):
 def test_the_fewest_shots_that_will_do_are_taken():
     own_planner, own = planner(count=400)
     none = own_planner.fewest(1e-4, 8)
-    assert [shots for shots, _ in none.curve] == [8]
+    assert [point.shots for point in none.curve] == [8]
     assert none.proposal is None
     tolerance = 1.001 * own_planner.optimal(7).worst
     answer = own_planner.fewest(tolerance, 10)
     assert answer.limit is None
-    assert len(answer.proposal.postures) == answer.curve[-1][0] <= 7
+    assert len(answer.proposal.postures) == answer.curve[-1].shots <= 7
     assert answer.proposal.worst <= tolerance
     assert max(checked_std(own, answer.proposal.postures, answer.proposal.std).values()) <= 1.001 * tolerance
-    assert answer.curve[-2][0] == answer.curve[-1][0] - 1
-    assert all(std > tolerance for _, std in answer.curve[:-1])
+    assert answer.curve[-2].shots == answer.curve[-1].shots - 1
+    assert all(point.worst_std > tolerance for point in answer.curve[:-1])
 
 
 @pytest.mark.parametrize(
