@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler
 from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function, tuple_variable_schema
 
-from ..model.arrays import ByValue, Matrix
+from ..model.arrays import ByValue, ListedMatrix, Matrix
 from ..model.errors import BadInput, UnsoundResult, missing_extra
 from ..model.parsing.reading import did_you_mean
 from ..model.records import internal, it, record
@@ -165,7 +165,7 @@ class Covariance(ByValue):
     names: tuple[str, ...]
     units: tuple[str, ...]
     status: tuple[Status, ...]
-    matrix: Matrix
+    matrix: ListedMatrix
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", Names(self.names))

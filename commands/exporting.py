@@ -1,6 +1,7 @@
 """`zerobeam export`: offsets of a run in the form in which they are applied, plans and whole programs."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -116,11 +117,11 @@ def _export(
     that calls it.
     """
     from ..experiments.makers.calibration import calibration
-    from ..experiments.makers.generic.offsets_data import document
     from ..model.files.robot_file import robot_path
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
     from ..model.parsing.confinement import require_within
+    from ..model.records import to_json
 
     require_within(file, hidden=True)
     if file.parent.exists():  # else it is made once all is judged
@@ -145,8 +146,7 @@ def _export(
     for path, content in files.items():
         write_whole(path, content, force=force)
     if as_json:
-        of_program = {"targets": [target.as_json() for target in targets]} if targets else {}
-        print_json({**document(judged, notes), **of_program})
+        print_json(to_json(replace(judged, remarks=tuple(notes), targets=tuple(targets) or None)))
     else:
         for line in judged.head:
             say(line)

@@ -26,6 +26,7 @@ PAGES = [
         "files-results.md",
         "files-studies.md",
         "compare.md",
+        "export.md",
         "how-to/app.md",
         "how-to/plant.md",
     )

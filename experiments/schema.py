@@ -20,6 +20,7 @@ from ..model.parsing.reading import did_you_mean
 from .arm_shown import ShownArm
 from .batch import Batch
 from .history.documents import ArmDocument, DriftOfArms, FleetDocument, HistoryList
+from .makers.calibration import RobotCalibration
 from .plans.make import MadePlan
 from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
@@ -51,6 +52,7 @@ _ANSWERS: dict[str, type] = {
     "drift": DriftOfArms,
     "arm": ShownArm,
     "proposal": MadePlan,
+    "offsets": RobotCalibration,
 }
 SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 

@@ -5,12 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 from statistics import NormalDist
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
 
 Matrix = NDArray[np.float64]
+# The same in a document: rows of numbers.
+ListedMatrix = Annotated[
+    Matrix,
+    PlainValidator(np.array),
+    PlainSerializer(lambda matrix: matrix.tolist()),
+    WithJsonSchema({"type": "array"}),
+]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Progress = Callable[[str, float], None]  # the stage, and its share of the whole that is done, 0 to 1

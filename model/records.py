@@ -70,13 +70,14 @@ internal = _Internal()
 
 
 class inline(_Internal):
-    """Marks a field whose own fields are keys of the document, under these names: null where it is None.
+    """Marks a field whose own fields are keys of the document, `kept` or under these names: null where it is
+    None.
 
-    As in `mean: Annotated[Mean | None, inline(value="mean", std="mean_std")]`.
+    As in `mean: Annotated[Mean | None, inline("unit", value="mean", std="mean_std")]`.
     """
 
-    def __init__(self, **names: str) -> None:
-        self.names = names
+    def __init__(self, *kept: str, **names: str) -> None:
+        self.names = {name: name for name in kept} | names
 
 
 class _OrNull:
@@ -199,13 +200,15 @@ def keys(cls: type) -> tuple[Key, ...]:
                 marks,
             )
         )
-    defined = {name: one for base in reversed(cls.__mro__) for name, one in vars(base).items()}
-    for attribute, one in defined.items():
+    getters: dict[str, Any] = {}  # a subclass may compute a key otherwise
+    for name, one in ((name, one) for base in reversed(cls.__mro__) for name, one in vars(base).items()):
         getter = getattr(one, "fget", None) or getattr(one, "func", None)
-        if (marked := getattr(getter, "key_of_document", None)) is not None:
-            returns = get_type_hints(getter, include_extras=True)["return"]
-            marks = getattr(returns, "__metadata__", ())
-            answer.append(Key(marked[0], attribute, marked[1], False, returns, marks))
+        if hasattr(getter, "key_of_document"):
+            getters[name] = getter
+    for attribute, getter in getters.items():
+        name, description = getter.key_of_document
+        returns = get_type_hints(getter, include_extras=True)["return"]
+        answer.append(Key(name, attribute, description, False, returns, getattr(returns, "__metadata__", ())))
     return tuple(answer)
 
 

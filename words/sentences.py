@@ -46,7 +46,7 @@ from .finding_words import (
 )
 from .message import headline, message, next_steps, offered
 from .misfit_words import criterion_sentence, explanation_sentence
-from .observability import direction_remedy, reason
+from .observability import direction_remedy, reason, reason_of
 from .pendant_check import check_sentences
 from .plan_words import check_notes
 
@@ -63,18 +63,14 @@ _CRITERIA = (
 )
 
 
-def _reason(row: ParameterResult | CheckedParameter) -> str | None:
-    return None if row.cause is None else reason(row.cause)
-
-
 def _failure(run: ComparedRun) -> str | None:
     return None if run.reason is None else comparison.failure(run.reason)
 
 
 # By the class of a record: what is said of it under each of its worded keys.
 WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
-    ParameterResult: {"reason": _reason},
-    CheckedParameter: {"reason": _reason},
+    ParameterResult: {"reason": reason_of},
+    CheckedParameter: {"reason": reason_of},
     NullDirection: {"reason": lambda one: reason(one.cause), "remedy": direction_remedy},
     LikelihoodSummary: {"message": likelihood_message},
     PosteriorSummary: {"message": posterior_message},

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import field
 from functools import partial
+from typing import Annotated, Final, Literal
 
 import numpy as np
 
@@ -33,13 +34,15 @@ from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
+from ...model.records import if_any, inline, internal, it, key, record
 from ...words.case import RunCase
 from ...words.catalogue import against
 from ...words.misfit_words import criterion_sentence, misfit_headline
-from ...words.observability import reason
+from ...words.observability import reason_of
 from ...words.provenance import is_simulated
 from ...words.wording import listed
 from .maker import Holds, one_line
+from .solving import CorrectedTarget
 
 # What a file says of a parameter with an estimate.
 STATUS_WORDS: dict[Status, str] = {
@@ -50,7 +53,7 @@ STATUS_WORDS: dict[Status, str] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Correction:
     """One parameter of an export: its `row` of the answer, without a number where nothing is known.
 
@@ -60,10 +63,13 @@ class Correction:
     and not exported `despite_misfit`. `applied_u` is the standard uncertainty of that very value.
     """
 
-    row: ParameterResult
-    left_out: bool
-    despite_misfit: bool
-    although_assumed: bool = False
+    row: Annotated[
+        ParameterResult,
+        inline("name", "unit", "status", "estimate", "std", "interval95"),
+    ]
+    left_out: Annotated[bool, it("true if `--without` names it")]
+    despite_misfit: Annotated[bool, internal]
+    although_assumed: Annotated[bool, internal] = False
 
     @property
     def name(self) -> str:
@@ -74,22 +80,27 @@ class Correction:
         return self.row.status
 
     @property
+    @key("whether it is to be applied")
     def exported(self) -> bool:
         validated = self.status != "unvalidated" or self.despite_misfit
         determined = known(self.status) or (self.status == "assumed" and self.although_assumed)
         return determined and validated and not self.left_out
 
     @property
+    @key(
+        "what is to be added to the recorded position (0 if not): the value for nominal geometry, the"
+        " estimate in `export robot`, `urdf`, `ur-calibration` and `program` with `--json`"
+    )
     def applied(self) -> float:
         return (self.row.estimate or 0.0) if self.exported else 0.0
 
     @property
+    @key("standard uncertainty of that value, null where nothing is applied")
     def applied_u(self) -> float | None:
-        """None where nothing is applied."""
         return self.row.std if self.exported else None
 
     @property
-    def internal(self) -> float:
+    def applied_rad(self) -> float:
         """`applied` in rad or mm."""
         return self._in_rad(self.applied)
 
@@ -102,11 +113,12 @@ class Correction:
         return float(np.radians(value)) if self.row.unit == "deg" else value
 
     @property
+    @key("as in `result.json`")
     def reason(self) -> str | None:
-        return None if self.row.cause is None else reason(self.row.cause)
+        return reason_of(self.row)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class GeometryValue(Correction):
     """One geometry parameter; `mean` is its value in the estimate of all parameters together, rad or mm,
     `no_place`: the file cannot hold it."""
@@ -115,7 +127,7 @@ class GeometryValue(Correction):
     no_place: bool = False
 
     @property
-    def internal(self) -> float:
+    def applied_rad(self) -> float:
         """What a file of the whole geometry holds, rad or mm. A parameter that the data do not determine by
         itself is part of the estimate of all together: at nominal it would spoil the others."""
         return 0.0 if self.gone or self.status == "held" else self.mean
@@ -153,14 +165,14 @@ def corrected_robot(
 ) -> Robot:
     """The robot with its links as estimated, and the estimated offsets in the transforms before its joints:
     at recorded positions it is where the arm was, but for what depends on the posture."""
-    values = np.array([value.internal for value in geometry])
+    values = np.array([value.applied_rad for value in geometry])
     moved = problem.geometry.applied(problem.robot, values)
     return moved.with_offsets(np.array([offset.of_arm for offset in offsets]))
 
 
 def posture_offsets(problem: Problem, geometry: Sequence[GeometryValue], joints: Matrix) -> Matrix:
     """(n,) what gravity and harmonics add to the offsets at recorded `joints` (n,), rad."""
-    return problem.geometry.added(problem.robot, np.array([value.internal for value in geometry]), joints)
+    return problem.geometry.added(problem.robot, np.array([value.applied_rad for value in geometry]), joints)
 
 
 def left_out_of(geometry: Sequence[GeometryValue], holds: Holds) -> tuple[GeometryValue, ...]:
@@ -188,7 +200,7 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
     x[gone] = parameters.prior_mean[gone]
     for offset in offsets:
         if offset.exported:
-            x[parameters.index(offset.name)] = offset.internal
+            x[parameters.index(offset.name)] = offset.applied_rad
             gone[parameters.index(offset.name)] = True
     placed = (parameters.group("target") | parameters.group("frame")) & parameters.free & gone.any()
     return problem.rms_mm(
@@ -196,6 +208,7 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
     )
 
 
+OFFSETS_SCHEMA: Final = "zerobeam/offsets/1"
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 NO_ROBOT = "SIMULATED: no robot was measured, so that nothing here may be applied to one"
 MEANING = "true position = recorded position + offset"
@@ -217,14 +230,14 @@ class NotValidated(BadInput):
     exit_status = 1
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class JointOffset(Correction):
     """One joint's offset. `joint` is the joint's name in its robot file, which may hold any character;
     `to_enter` what a controller with nominal geometry takes, None where the file holds the links too."""
 
-    joint: str
-    kind: JointKind
-    to_enter: ValueToEnter | None = None
+    joint: Annotated[str, it("its name in the robot file")]
+    kind: Annotated[JointKind, it("what it does")]
+    to_enter: Annotated[ValueToEnter | None, internal] = None
 
     @property
     def applied(self) -> float:
@@ -257,42 +270,92 @@ class JointOffset(Correction):
         return one_line(f"{self.name} ({self.joint}): {words}")
 
 
-@dataclass(frozen=True)
+@record
+class ExportedParameter:
+    """A parameter of the answer, and whether the file is to apply it."""
+
+    row: Annotated[
+        ParameterResult,
+        inline("name", "unit", "group", "status", "estimate", "std", "interval95", "tolerance_share"),
+    ]
+    exported: Annotated[bool, it("whether it is to be applied")]
+
+    @property
+    @key("as in `result.json`")
+    def reason(self) -> str | None:
+        return reason_of(self.row)
+
+
+@record
+class ExportInputs:
+    """What an export was made from."""
+
+    run: Annotated[str, it("name of its file")]
+    sha256: Annotated[str, it("of the run")]
+    robot: Annotated[str, it("its name")]
+    shots: Annotated[int, it("number of measurements")]
+    versions: Annotated[dict[str, str], it("by name of the software")]
+    seed: Annotated[int, it("of the fit's starts")] = SEED
+
+
+@record
 class RobotCalibration:
     """All offsets of a robot in the order of its joints, and what they were made from.
 
     `geometry` has the geometry parameters, none of an exact arm; `corrected` is the robot with all that a
     robot can hold of these, `posture_offsets` what gravity and harmonics add at recorded joints (n,), rad;
     `left_out` those that the file does not hold, with the residuals'
-    `rms_mm` (root mean square) as estimated and as the file has it. `parameters` and `covariance` are the
-    whole answer.
+    `rms_mm` (root mean square) as estimated and as the file has it. `rows` and `covariance` are the whole
+    answer; `remarks` are of a file, beside the warnings of the calibration itself.
     """
 
-    offsets: tuple[JointOffset, ...]
-    geometry: tuple[GeometryValue, ...]
-    corrected: Robot
-    posture_offsets: Callable[[Matrix], Matrix]
-    holds: Holds
-    left_out: tuple[GeometryValue, ...]
-    rms_mm: tuple[float, float]
-    parameters: ParameterTable
-    covariance: Covariance
-    run: str
-    sha256: str
-    robot: str
-    shots: int
-    versions: dict[str, str]
-    misfit: bool
-    warnings: tuple[str, ...]
+    schema: Annotated[Literal["zerobeam/offsets/1"], it("kind and version of the document")] = field(
+        default=OFFSETS_SCHEMA, kw_only=True
+    )
+    meaning: Annotated[str, it("the sign, in words")] = field(default=MEANING, kw_only=True)
+    offsets: Annotated[tuple[JointOffset, ...], it("joint 1 first")]
+    geometry: Annotated[tuple[GeometryValue, ...], internal]
+    corrected: Annotated[Robot, internal]
+    posture_offsets: Annotated[Callable[[Matrix], Matrix], internal]
+    holds: Annotated[Holds, internal]
+    left_out: Annotated[tuple[GeometryValue, ...], internal]
+    rms_mm: Annotated[tuple[float, float], internal]
+    rows: Annotated[ParameterTable, internal]
+    covariance: Annotated[
+        Covariance,
+        it(
+            "`names`, `units`, `status` and `matrix` (rows) of the parameters that the data determine, in the"
+            " products of their units"
+        ),
+    ]
+    inputs: Annotated[ExportInputs, it("what it was made from")]
+    misfit: Annotated[bool, internal]
+    warnings: Annotated[tuple[str, ...], internal]
+    remarks: Annotated[tuple[str, ...], internal] = ()
+    targets: Annotated[
+        tuple[CorrectedTarget, ...] | None, it("of `export program --json`: each corrected target"), if_any
+    ] = None
+
+    @property
+    @key("all parameters of the answer: offsets, geometry, targets, tool, noise")
+    def parameters(self) -> tuple[ExportedParameter, ...]:
+        exported = {one.name for one in (*self.offsets, *self.geometry) if one.exported}
+        return tuple(ExportedParameter(row, row.name in exported) for row in self.rows)
+
+    @property
+    @key("sentences to be read with it")
+    def notes(self) -> tuple[str, ...]:
+        return (ONCE, *self.warnings, *self.remarks)
 
     @property
     def head(self) -> list[str]:
         """Short lines of ASCII that say what a file holds and where that is from."""
+        made = self.inputs
         lines = [
             *(sentence for sentence in self.warnings if sentence == NO_ROBOT),
-            one_line(f"zerobeam {self.versions['zerobeam']}: joint offsets of {self.robot}"),
-            one_line(f"from the run {self.run}, {self.shots} measurements"),
-            f"{_SHA_LINE}{self.sha256}",
+            one_line(f"zerobeam {made.versions['zerobeam']}: joint offsets of {made.robot}"),
+            one_line(f"from the run {made.run}, {made.shots} measurements"),
+            f"{_SHA_LINE}{made.sha256}",
             "applied by, on: ______________________",
             ONCE,
             f"{MEANING}. An offset that is held or excluded counts as 0.",
@@ -409,11 +472,7 @@ def calibration(
             (rms_without(solution, ()), rms_without(solution, gone, offsets)),
             solution.parameters,
             solution.covariance,
-            run.path.name,
-            run.sha256,
-            run.robot.name,
-            solution.problem.shots,
-            versions(),
+            ExportInputs(run.path.name, run.sha256, run.robot.name, solution.problem.shots, versions()),
             solution.misfit is not None,
             (
                 *_simulated(run),

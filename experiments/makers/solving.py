@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated, Literal
 
 import numpy as np
 
-from ...model.arrays import Matrix
+from ...model.arrays import ListedMatrix, Matrix
 from ...model.files.limits import beyond_limits
 from ...model.files.robot_file import load_robot
 from ...model.kinematics.branches import Branch, Branches
@@ -22,6 +23,7 @@ from ...model.kinematics.inverse import Solver, is_singular, reach
 from ...model.kinematics.orientation import from_rotation_vector, orientation
 from ...model.kinematics.robot import Robot, same_arm
 from ...model.kinematics.transforms import shift
+from ...model.records import internal, it, key, or_null, record
 from .program_parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 
 _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture
@@ -104,29 +106,25 @@ class Arms:
         return commanded
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class CorrectedTarget:
     """One target: the `joints` (n,) of the nominal arm, degrees (mm), at which the program means it, with the
     `configuration` that it states (of a Cartesian one), and how far it moves: the joint that moves most,
     degrees (mm), and the pose, mm (of a joint target that of the flange)."""
 
-    name: str
-    cartesian: bool
-    joints: Matrix
-    configuration: str
-    moved_joint: float
-    moved_mm: float
+    name: Annotated[str, it("of the target")]
+    cartesian: Annotated[bool, internal]
+    joints: Annotated[
+        ListedMatrix, it("of the nominal arm, as the pendant counts, degrees (mm)", name="joints_deg")
+    ]
+    configuration: Annotated[str, it("null where none is stated"), or_null]
+    moved_joint: Annotated[float, it("of the joint that moves most, degrees (mm)", name="moved_deg")]
+    moved_mm: Annotated[float, it("of the pose, of joints that of the flange, millimetres")]
 
-    def as_json(self) -> dict[str, object]:
-        """Plain values, with the keys of `targets` in the answer of `zerobeam export program --json`."""
-        return {
-            "name": self.name,
-            "kind": "pose" if self.cartesian else "joints",
-            "joints_deg": self.joints.tolist(),
-            "configuration": self.configuration or None,
-            "moved_deg": self.moved_joint,
-            "moved_mm": self.moved_mm,
-        }
+    @property
+    @key("how it is stated")
+    def kind(self) -> Literal["pose", "joints"]:
+        return "pose" if self.cartesian else "joints"
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ def corrected_program(
     arms = Arms(
         up_to_flange(nominal, nominal),
         up_to_flange(calibration.corrected, nominal),
-        np.array([offset.internal for offset in calibration.offsets]),
+        np.array([offset.applied_rad for offset in calibration.offsets]),
         language.up,
         calibration.posture_offsets,
         language.by_joint2,
@@ -177,7 +177,7 @@ def corrected_program(
         other = each.name if suffix in files_of_language.folder else out.stem + each.suffix
         name = out if each == path else out.with_name(other)
         whole = _applied(text, edits)
-        mark = f"{MARK}: offsets of the run {calibration.sha256[:16]}"
+        mark = f"{MARK}: offsets of the run {calibration.inputs.sha256[:16]}"
         if suffix in language.marked:
             whole = language.marked[suffix].sub(MARK, whole, count=1)
         elif language.remark_end and each != path:  # the whole head once in an application of many files
@@ -339,8 +339,8 @@ def _head_lines(
         MARK,
         *_SHORT,
         *(["SIMULATED RUN, NO ROBOT MEASURED"] if NO_ROBOT in calibration.warnings else []),
-        f"zerobeam {calibration.versions['zerobeam']}, offsets of run",
-        calibration.sha256[:16],
+        f"zerobeam {calibration.inputs.versions['zerobeam']}, offsets of run",
+        calibration.inputs.sha256[:16],
         *(
             f"{offset.name} {offset.applied:+.4f}" if offset.exported else f"{offset.name} NOT CORRECTED"
             for offset in calibration.offsets

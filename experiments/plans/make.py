@@ -36,10 +36,6 @@ from .patterns import Line, pattern
 from .plan_options import Pattern, PlanOptions, Portion
 
 PROPOSAL_SCHEMA: Final = "zerobeam/proposal/1"
-_OF_PROPOSAL = (
-    *("criterion", "value", "bound", "efficiency", "converged", "support"),
-    *("travel_s", "candidates"),
-)
 _USUAL, _USUAL_UNCERTAIN = 7, 20  # measurements: of a pattern or an exact arm, of an uncertain arm
 _LOOSE = 0.8  # a certified efficiency below this needs a word
 NO_OBSTACLES = Obstacles()
@@ -91,8 +87,13 @@ class MadePlan:
     plan: Annotated[Plan | None, internal]
     file: Annotated[Path | None, internal]
     checked: Annotated[Check | None, it("the whole answer of `check` on the plan written", name="check")]
-    proposal: Annotated[Proposal | None, inline(**{name: name for name in _OF_PROPOSAL})]
-    fewest: Annotated[Fewest | None, inline(tolerance="tolerance", most="max_shots", limit="limit")]
+    proposal: Annotated[
+        Proposal | None,
+        inline(
+            *("criterion", "value", "bound", "efficiency", "converged", "support", "travel_s", "candidates")
+        ),
+    ]
+    fewest: Annotated[Fewest | None, inline("tolerance", "limit", most="max_shots")]
     removed: Annotated[
         str | None, it("how many candidate postures each constraint removed, in words; null for a pattern")
     ]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Literal
+from functools import cached_property, partial
+from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
+from pydantic import PlainSerializer
 
 from ...model.arrays import Matrix
 from ...model.kinematics.robot import Robot
+from ...model.records import if_any, internal, key, record
 from ...words import numbers
 from ...words.wording import clipped
 
@@ -23,7 +24,29 @@ _ONE_PLACE = 15.0  # mm: joints nearer to each other than this share one number
 _NAME_WIDTH = 24
 
 
-@dataclass(frozen=True, eq=False)
+def _rounded(points: Matrix | None, decimals: int = 1) -> Any:
+    return None if points is None else (np.round(points, decimals) + 0.0).tolist()
+
+
+def _significant(axes: Matrix | None) -> list[list[float]] | None:
+    """Half axes may be far below a tenth of a millimetre, and are drawn up to a thousand times as large."""
+    return None if axes is None else [[float(f"{value:.4g}") for value in axis] for axis in axes]
+
+
+# As `scene.js` reads them.
+_POINTS = PlainSerializer(_rounded)
+_LINES = PlainSerializer(lambda lines: [_rounded(line) for line in lines])
+
+
+@record(eq=False)
+class JointNumbers:
+    """The numbers of the joints at one place, `at` (3,)."""
+
+    at: Annotated[Matrix, _POINTS]
+    text: str
+
+
+@record(eq=False)
 class Posed:
     """The arm in one posture: its `name`, `arm` (n + 2, 3) from the base over the joints to the flange,
     `tool` (3,) the laser's origin or the probe's tip, `end` (3,) of the beam, None for a probe, whether it
@@ -31,26 +54,26 @@ class Posed:
     (n, 3) of the joints, None where only their places are known."""
 
     name: str
-    arm: Matrix
-    tool: Matrix
-    end: Matrix | None
+    arm: Annotated[Matrix, _POINTS]
+    tool: Annotated[Matrix, internal]
+    end: Annotated[Matrix | None, internal]
     reaches: bool
-    sights: Sequence[Matrix] = ()
-    axes: Matrix | None = None
+    sights: Annotated[Sequence[Matrix], _LINES] = ()
+    axes: Annotated[Matrix | None, if_any, PlainSerializer(partial(_rounded, decimals=3))] = None
 
     @property
-    def tool_line(self) -> Matrix:
-        """(2, 3) from the flange to the laser or tip."""
+    @key("(2, 3) from the flange to the laser or tip", name="tool")
+    def tool_line(self) -> Annotated[Matrix, _POINTS]:
         return np.array([self.arm[-1], self.tool])
 
     @property
-    def beam(self) -> Matrix | None:
-        """(2, 3) from the laser to the beam's end."""
+    @key("(2, 3) from the laser to the beam's end")
+    def beam(self) -> Annotated[Matrix | None, _POINTS]:
         return None if self.end is None else np.array([self.tool, self.end])
 
     @property
-    def labels(self) -> list[tuple[Matrix, str]]:
-        """Joint numbers where the joints are; joints at one place share a label (a wrist: 4, 5, 6)."""
+    @key("joint numbers where the joints are; joints at one place share a label (a wrist: 4, 5, 6)")
+    def numbers(self) -> list[JointNumbers]:
         labels: list[tuple[Matrix, list[str]]] = []
         for joint, point in enumerate(self.arm[1:-1], start=1):
             for at, names in labels:
@@ -59,34 +82,43 @@ class Posed:
                     break
             else:
                 labels.append((point, [str(joint)]))
-        return [(at, ", ".join(names)) for at, names in labels]
+        return [JointNumbers(at, ", ".join(names)) for at, names in labels]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Placed:
     """A target `at` (3,): its `nominal` place before any measurement, `estimated` from the data, `held`, or
     `undetermined`, drawn where its beams end. `axes` (3, 3): rows are half axes of its place's ellipsoid."""
 
-    name: str
-    at: Matrix
+    name: Annotated[str, internal]
+    at: Annotated[Matrix, _POINTS]
     state: Literal["nominal", "estimated", "held", "undetermined"]
-    axes: Matrix | None = None
+    axes: Annotated[Matrix | None, PlainSerializer(_significant)] = None
 
     @property
+    @key("the name, clipped to what fits into the picture", name="name")
     def short_name(self) -> str:
-        """The name, clipped to what fits into the picture."""
         return clipped(self.name, _NAME_WIDTH)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
+class SceneGrid:
+    """The floor grid: its `step`, its lowest and highest x, lowest and highest y, its height."""
+
+    step: float
+    bounds: tuple[float, float, float, float]
+    z: float
+
+
+@record(eq=False)
 class Scene3D:
     """Postures and targets, and the frame that they are seen in; `floor` is how high the mounting face is,
     `outlines` (m, 3) lines of planes and balls, `kinds` those of the joints where they are known."""
 
     postures: Sequence[Posed]
     targets: Sequence[Placed]
-    floor: float = 0.0
-    outlines: Sequence[Matrix] = ()
+    floor: Annotated[float, internal] = 0.0
+    outlines: Annotated[Sequence[Matrix], _LINES] = ()
     kinds: Sequence[str] = ()
 
     @cached_property
@@ -112,7 +144,7 @@ class Scene3D:
     def grid_words(self) -> str:
         """What the grid shows."""
         height = "0" if self.floor == 0 else f"{numbers.exact(self.floor, 'mm')}, the mounting face"
-        return f"Grid of {numbers.exact(self.grid_step, 'mm')} at z = {height}"
+        return f"Grid of {numbers.exact(self.grid.step, 'mm')} at z = {height}"
 
     @property
     def centre(self) -> Matrix:
@@ -126,33 +158,32 @@ class Scene3D:
         return max(float(np.linalg.norm(self._points - self.centre, axis=1).max()), 1.0)
 
     @property
+    @key("length of the drawn axes of the base frame")
     def axis(self) -> float:
-        """Length of the drawn axes of the base frame."""
         return round(0.22 * self.radius, 1)
 
     @cached_property
-    def grid_step(self) -> float:
-        """The roundest step (1, 2 or 5 times a power of ten) of a floor grid of about ten lines."""
+    @key("the floor")
+    def grid(self) -> SceneGrid:
+        """About ten lines, a step of 1, 2 or 5 times a power of ten apart."""
         low, high = self._corners
-        rough = max(float((high - low)[:2].max()), 1.0) / 8
+        size = (high - low)[:2]
+        rough = max(float(size.max()), 1.0) / 8
         power = 10.0 ** math.floor(math.log10(rough))
-        return float(next(power * k for k in (1, 2, 5, 10) if power * k >= rough))
-
-    @cached_property
-    def grid_bounds(self) -> tuple[float, float, float, float]:
-        """The grid's lowest and highest x, lowest and highest y."""
-        low, high = self._corners
-        size, step = (high - low)[:2], self.grid_step
+        step = next(power * k for k in (1, 2, 5, 10) if power * k >= rough)
         # Postures in one plane have a floor all the same: half as wide as long, at least.
         wide = np.maximum(size, size.max() / 2) / 2 + step / 2
         first = np.floor((self.centre[:2] - wide) / step) * step
         last = np.ceil((self.centre[:2] + wide) / step) * step
-        return float(first[0]), float(last[0]), float(first[1]), float(last[1])
+        bounds = (float(first[0]), float(last[0]), float(first[1]), float(last[1]))
+        return SceneGrid(float(step), bounds, self.floor)
 
     @cached_property
+    @key(
+        "by how much ellipsoids are exaggerated at first: the largest power of ten that leaves every one"
+        " readable next to the arm; null where there is no ellipsoid"
+    )
     def factor(self) -> int | None:
-        """By how much ellipsoids are exaggerated at first: the largest power of ten that leaves every one
-        readable next to the arm; None where there is no ellipsoid."""
         sizes = [
             np.linalg.norm(target.axes, axis=1).max() for target in self.targets if target.axes is not None
         ]
@@ -172,45 +203,3 @@ def axes_of(robot: Robot, joints: Matrix) -> Matrix:
 def floor_of(robot: Robot) -> float:
     """Height of the arm's mounting face in the base frame, mm: 0 where it is not stated."""
     return -(robot.conventions.below_base or 0.0) + 0.0
-
-
-def scene_json(scene: Scene3D) -> dict[str, object]:
-    """The scene as `scene.js` reads it."""
-    return {
-        "grid": {"step": scene.grid_step, "bounds": list(scene.grid_bounds), "z": scene.floor},
-        "axis": scene.axis,
-        "factor": scene.factor,
-        "kinds": list(scene.kinds),
-        "outlines": [_rounded(outline) for outline in scene.outlines],
-        "targets": [
-            {
-                "name": target.short_name,
-                "at": _rounded(target.at),
-                "state": target.state,
-                "axes": None if target.axes is None else _significant(target.axes),
-            }
-            for target in scene.targets
-        ],
-        "postures": [
-            {
-                "name": posed.name,
-                "arm": _rounded(posed.arm),
-                "tool": _rounded(posed.tool_line),
-                "beam": None if posed.beam is None else _rounded(posed.beam),
-                "reaches": bool(posed.reaches),
-                "sights": [_rounded(sight) for sight in posed.sights],
-                "numbers": [{"at": _rounded(at), "text": text} for at, text in posed.labels],
-                **({} if posed.axes is None else {"axes": (np.round(posed.axes, 3) + 0.0).tolist()}),
-            }
-            for posed in scene.postures
-        ],
-    }
-
-
-def _rounded(values: Matrix) -> list[Any]:
-    return (np.round(values, 1) + 0.0).tolist()  # type: ignore[no-any-return]
-
-
-def _significant(axes: Matrix) -> list[list[float]]:
-    """Half axes may be far below a tenth of a millimetre, and are drawn up to a thousand times as large."""
-    return [[float(f"{value:.4g}") for value in axis] for axis in axes]

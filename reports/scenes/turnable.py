@@ -15,12 +15,13 @@ from markupsafe import Markup, escape
 from ...model.arrays import Matrix
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.kinematics.robot import Robot
+from ...model.records import to_json
 from ...words.wording import clipped, counted
 from ..output.html import Turnable, scene_html, template_text
 from ..style.canvas import Picture
 from ..style.palette import light
 from ..style.typeface import in_font
-from .scene import AZIMUTH, ELEVATION, Placed, Posed, Scene3D, axes_of, floor_of, scene_json
+from .scene import AZIMUTH, ELEVATION, Placed, Posed, Scene3D, axes_of, floor_of
 
 STILL = "postures"  # name of the still drawing among the figures
 
@@ -68,7 +69,7 @@ def exaggerated(factor: float) -> str:
 
 def _script_json(scene: Scene3D) -> Markup:
     """JSON that no name can end early: inside <script> only `<` (and, to be sure, `>` and `&`) matter."""
-    text = json.dumps(scene_json(scene), separators=(",", ":"), allow_nan=False)
+    text = json.dumps(to_json(scene), separators=(",", ":"), allow_nan=False)
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return Markup(text)
@@ -95,8 +96,8 @@ def still(scene: Scene3D, alt: str) -> Markup:
         parts.append(flat.line(posture.tool_line, f"{kind} tool"))
         parts.append(flat.line(posture.arm, kind))
         if selected:
-            for at, text in posture.labels:
-                parts += [flat.dot(at, 4, "joint"), flat.text(at, text, 9, -7)]
+            for joint in posture.numbers:
+                parts += [flat.dot(joint.at, 4, "joint"), flat.text(joint.at, joint.text, 9, -7)]
     for target in scene.targets:
         parts += _target(target, scene.factor, flat)
     return Markup('<svg class="still" viewBox="0 0 {} {}" role="img" aria-label="{}">{}</svg>').format(
@@ -185,8 +186,7 @@ class _Flat:
 
 
 def _grid(scene: Scene3D, flat: _Flat) -> Markup:
-    (x0, x1, y0, y1), step = scene.grid_bounds, scene.grid_step
-    z = scene.floor
+    (x0, x1, y0, y1), step, z = scene.grid.bounds, scene.grid.step, scene.grid.z
     lines = [[[x, y0, z], [x, y1, z]] for x in np.arange(x0, x1 + step / 2, step)]
     lines += [[[x0, y, z], [x1, y, z]] for y in np.arange(y0, y1 + step / 2, step)]
     return Markup("").join(flat.line(np.array(line), "grid") for line in lines)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,12 +14,13 @@ from export_runs import TRUTH, arm_run, saved, urdf_run
 from zerobeam.experiments.makers.abb.moc_offsets import Gears, moc_text
 from zerobeam.experiments.makers.abb.rapid_program import rapid_text
 from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
-from zerobeam.experiments.makers.generic.offsets_data import csv_text, document, json_text
+from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 from zerobeam.experiments.makers.generic.robot_rows import robot_text
 from zerobeam.experiments.makers.generic.urdf_export import urdf_text
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.kernel import compiled_at_once
+from zerobeam.model.records import to_json
 
 TEXTS: dict[str, Callable[[Run, RobotCalibration], str]] = {
     "urdf": urdf_text,
@@ -62,7 +62,7 @@ def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
         assert "Do ONE of these, never both: enter the values" in text
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     again = zerobeam("export", what, run.path, "-o", tmp_path / "two", "--json")
-    assert again.json == json.loads(json.dumps(document(calibration(run))))
+    assert again.json == to_json(calibration(run))
 
 
 def test_a_robot_file_is_written_and_read_again(run: Run, tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def test_the_kinds_of_file_are_told_by_their_schema_key():
     assert (
         *("run-header", "run-shot", "plan", "header", "tolerances", "robot", "obstacles", "cell"),
         *("sensors", "psd-calibration", "study-file", "result", "check", "compare", "batch"),
-        *("history", "history-arm", "history-fleet", "drift", "arm", "proposal"),
+        *("history", "history-arm", "history-fleet", "drift", "arm", "proposal", "offsets"),
     ) == SCHEMA_NAMES
     for name in (
         "run",
@@ -61,6 +61,7 @@ def test_the_kinds_of_file_are_told_by_their_schema_key():
         "drift",
         "arm",
         "proposal",
+        "offsets",
     ):
         content = json_schema("run-header" if name == "run" else name)
         assert content["properties"]["schema"]["const"] == f"zerobeam/{name}/1"

@@ -324,7 +324,7 @@ def judged(robot: Robot, offsets: Matrix = OFFSETS) -> Any:
     """What a filter needs of a calibration, with these offsets, degrees."""
     own = [
         SimpleNamespace(
-            internal=np.radians(value),
+            applied_rad=np.radians(value),
             applied=value,
             exported=value != 0,
             name=f"delta{i}",
@@ -338,8 +338,7 @@ def judged(robot: Robot, offsets: Matrix = OFFSETS) -> Any:
         posture_offsets=lambda joints: np.zeros(robot.n),
         head=["offsets of a test"],
         warnings=[],
-        versions={"zerobeam": "0"},
-        sha256="0" * 64,
+        inputs=SimpleNamespace(versions={"zerobeam": "0"}, sha256="0" * 64),
     )
 
 

@@ -286,9 +286,11 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("name", SCHEMA_NAMES)
 def test_every_key_of_a_file_is_documented(name: str) -> None:
     plant = ("history", "history-arm", "history-fleet", "drift")
-    page = {"compare": "docs/compare.md", **dict.fromkeys(plant, "docs/how-to/plant.md")}.get(
-        name, "docs/files.md"
-    )
+    page = {
+        "compare": "docs/compare.md",
+        "offsets": "docs/export.md",
+        **dict.fromkeys(plant, "docs/how-to/plant.md"),
+    }.get(name, "docs/files.md")
     missing = set(properties(json_schema(name))) - words_in_code(TEXTS[page] + FILES)
     assert not missing
 

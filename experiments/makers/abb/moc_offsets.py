@@ -119,7 +119,7 @@ def moc_text(
         with located(against):
             old = _number(valid, "MOTOR_CALIB", motor, "cal_offset")
             ratio = _ratio(valid, motor, i, gears)
-        changes[motor] = offset, old, _change(offset.internal, gears.signs[i], ratio, old.number)
+        changes[motor] = offset, old, _change(offset.applied_rad, gears.signs[i], ratio, old.number)
     new = text
     for _, old, change in sorted(changes.values(), key=lambda row: row[1].start, reverse=True):
         new = new[: old.start] + f"{change.value:.6f}" + new[old.end :]
@@ -274,9 +274,9 @@ def _table(calibration: RobotCalibration, gears: Gears) -> str:
             continue
         at_motor = "unknown: state --ratio and --motor-sign"
         if gears.ratios is not None and gears.signs is not None:
-            at_motor = f"{gears.signs[i] * gears.ratios[i] * offset.internal:+.6f}"
+            at_motor = f"{gears.signs[i] * gears.ratios[i] * offset.applied_rad:+.6f}"
         lines.append(
-            f"{i + 1}; {offset.applied:+.6f}; {offset.applied_u:.2g}; {offset.internal:+.9f}; {at_motor}"
+            f"{i + 1}; {offset.applied:+.6f}; {offset.applied_u:.2g}; {offset.applied_rad:+.9f}; {at_motor}"
         )
     lines.append("A cal_offset stays within one turn: take whole turns (2 pi) off, then update the counters.")
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)

@@ -124,7 +124,7 @@ def urdf_text(run: Run, calibration: RobotCalibration) -> str:
     newline = b"\r\n" if b"\r\n" in content else b"\n"
     edits = [_comment(content, elements.robot[0], calibration, newline)]
     corrected = calibration.corrected
-    turned = run.robot.with_offsets(np.array([offset.internal for offset in calibration.offsets]))
+    turned = run.robot.with_offsets(np.array([offset.applied_rad for offset in calibration.offsets]))
     for i, (joint, offset) in enumerate(zip(run.robot.joints, calibration.offsets, strict=True)):
         moved = corrected.joints[i].fixed
         if not np.allclose(moved, turned.joints[i].fixed, rtol=0, atol=_SAME):
@@ -152,7 +152,9 @@ def urdf_text(run: Run, calibration: RobotCalibration) -> str:
 
 
 def _of_last(calibration: RobotCalibration, n: int) -> list[GeometryValue]:
-    return [value for value in calibration.geometry if value.internal and value.name.startswith(f"link{n}.")]
+    return [
+        value for value in calibration.geometry if value.applied_rad and value.name.startswith(f"link{n}.")
+    ]
 
 
 def _only(elements: _UrdfElements, name: str, path: Path) -> tuple[_Element, list[_Element]]:
@@ -211,10 +213,10 @@ def _origin(
     attributes = origins[0].attributes if origins else {}
     turn = euler("xyz", _numbers(attributes.get("rpy")))[:3, :3]
     if joint.kind == "revolute":
-        name, values = "rpy", angles_of(turn @ joint.motion(offset.internal)[:3, :3])
+        name, values = "rpy", angles_of(turn @ joint.motion(offset.applied_rad)[:3, :3])
     else:
         name = "xyz"
-        shift = turn @ joint.axis * offset.internal / MILLIMETRES
+        shift = turn @ joint.axis * offset.applied_rad / MILLIMETRES
         values = tuple(np.array(_numbers(attributes.get("xyz"))) + shift)
     return _with_attribute(content, name, values, element, origins)
 

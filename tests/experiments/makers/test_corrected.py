@@ -51,8 +51,8 @@ def postures(robot: Robot) -> Matrix:
 def calibrated_poses(run: Run, answer: RobotCalibration) -> Matrix:
     """Poses of the calibrated model, by the symbolic one: links moved, offsets added."""
     geometry = Problem.from_run(run).geometry
-    moved = geometry.applied(run.robot, np.array([own.internal for own in answer.geometry]))
-    return moved.fk(postures(run.robot) + [own.internal for own in answer.offsets], "rad")
+    moved = geometry.applied(run.robot, np.array([own.applied_rad for own in answer.geometry]))
+    return moved.fk(postures(run.robot) + [own.applied_rad for own in answer.offsets], "rad")
 
 
 @pytest.mark.long
@@ -162,7 +162,7 @@ def test_what_is_unidentifiable_is_as_in_the_estimate_of_all_and_has_no_number(
     assert answer.left_out == ()
     names = [row.name for row in unknown]
     without = calibration(run, allow_weak=True, holds="links", without=names)
-    assert all(row.internal == 0.0 for row in without.geometry if row.name in names)
+    assert all(row.applied_rad == 0.0 for row in without.geometry if row.name in names)
     assert {row.name for row in without.left_out} == set(names)
     assert without.rms_mm[1] > answer.rms_mm[1]
 

@@ -125,7 +125,7 @@ def test_sign_and_ratio_give_the_joint_offsets_back(told: tuple[Run, RobotCalibr
     _, answer, path = told
     text = moc_text(answer, Gears(RATIOS, SIGNS), path)  # type: ignore[arg-type]
     new = calibrated(patched(MOC, text))
-    offsets = np.array([offset.internal for offset in answer.offsets])
+    offsets = np.array([offset.applied_rad for offset in answer.offsets])
     found = change_of_readings(new, SIGNS, True)
     np.testing.assert_allclose(found, offsets, atol=1.01 * 5e-7 / 40, rtol=0)
     before = np.degrees(change_of_readings(new, SIGNS, False))
@@ -220,9 +220,9 @@ def test_without_the_controllers_file_a_table(told: tuple[Run, RobotCalibration,
     for i, offset in enumerate(answer.offsets[1:], start=1):
         row = rf"^# {i + 1}; ([-+.\d]+); \S+; ([-+.\d]+); (.*)$"
         told_bare, told_whole = (re.search(row, text, re.MULTILINE) for text in (bare, whole))
-        assert float(told_bare[2]) == pytest.approx(offset.internal, abs=6e-10)
+        assert float(told_bare[2]) == pytest.approx(offset.applied_rad, abs=6e-10)
         assert told_bare[3].startswith("unknown")
-        assert float(told_whole[3]) == pytest.approx(SIGNS[i] * RATIOS[i] * offset.internal, abs=6e-7)
+        assert float(told_whole[3]) == pytest.approx(SIGNS[i] * RATIOS[i] * offset.applied_rad, abs=6e-7)
     assert "No public" in bare
 
 

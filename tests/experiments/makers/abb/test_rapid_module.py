@@ -45,7 +45,7 @@ def test_commanded_by_it_the_arm_stands_where_it_is_wanted(tmp_path: Path) -> No
     answer = calibration(run)
     aimed = np.random.default_rng(0).uniform(-90, 90, (20, 6))
     reading = carried_out(rapid_text(answer), "zb_command", aimed)
-    truly = np.radians(reading) + [offset.internal for offset in answer.offsets]
+    truly = np.radians(reading) + [offset.applied_rad for offset in answer.offsets]
     np.testing.assert_allclose(truly, np.radians(aimed), atol=1.01 * _ROUNDED, rtol=0)
     assert abs(reading - aimed).max() > 1
     back = carried_out(rapid_text(answer), "zb_true", reading)
@@ -61,7 +61,7 @@ def test_what_is_held_or_left_out_is_zero_and_said_so(tmp_path: Path) -> None:
     comments = " ".join(line.strip(" !") for line in text.splitlines() if line.strip().startswith("!"))
     assert re.search(r"delta1 \(joint1\): HELD at 0", comments)
     assert re.search(r"delta4 \(joint4\): \+0\.\d+ deg, u \S+ deg, identified, EXCLUDED", comments)
-    assert answer.sha256 in comments
+    assert answer.inputs.sha256 in comments
 
 
 def test_hostile_names_are_comments_only(tmp_path: Path) -> None:

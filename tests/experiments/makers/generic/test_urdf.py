@@ -59,7 +59,7 @@ def test_export_then_import_is_the_same_kinematics(
     robot = reread(tmp_path, text)
     rng = np.random.default_rng(0)
     recorded = rng.uniform(run.robot.lower, run.robot.upper, (50, 6))
-    offsets = np.array([offset.internal for offset in answer.offsets])
+    offsets = np.array([offset.applied_rad for offset in answer.offsets])
     assert (offsets[1:] != 0).all()
     np.testing.assert_allclose(poses(robot, recorded), poses(run.robot, recorded + offsets), atol=1e-9)
     other = poses(run.robot, recorded - offsets)
