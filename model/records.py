@@ -217,7 +217,7 @@ def _inlined(name: str, annotated: Any, names: Mapping[str, str]) -> Iterator[Ke
     inner = next(kind for kind in (whole, get_origin(whole), *get_args(whole)) if is_dataclass(kind))
     for one in keys(cast(Any, inner)):
         if one.name in names:
-            kept = one._replace(name=names[one.name], attribute=f"{name}.{one.attribute}")
+            kept = one._replace(name=names[one.name], attribute=f"{name}.{one.attribute}", worded=False)
             yield kept._replace(type=one.type | None)
 
 

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import UTC
 from typing import Any
 
-from ...analysis.status import known
+from ...analysis.acceptance.measured_error import ErrorSize
+from ...analysis.answer.result import LikelihoodSummary
+from ...analysis.diagnostics.values_to_enter import TcpError
+from ...analysis.estimation.tolerance_factors import Factors
+from ...analysis.observability.geometry_result import LinkTolerances
+from ...analysis.posterior.intervals import Intervals
+from ...experiments.history.certified import (
+    Assumed,
+    AssumedTool,
+    Certificate,
+    CertifiedOffset,
+    Prior,
+    SigningKey,
+)
 from ...experiments.history.signing import grouped
-from ...model.instruments.registry import kind_of
 from ...words import numbers
 from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
 from ...words.entries import VERDICT_WORDS
@@ -53,13 +66,17 @@ _GROUPS = {
 }
 
 
-def certificate_page(certificate: Mapping[str, Any]) -> Page:
+def certificate_page(certificate: Certificate) -> Page:
     """The display strings of a certificate (`zerobeam/certificate/1`)."""
-    item = f"{clipped(certificate['model'])}, serial number {clipped(certificate['serial'], 60)}"
+    item = f"{clipped(certificate.model)}, serial number {clipped(certificate.serial, 60)}"
     return Page(
         "Certificate of calibration",
-        f"No. {clipped(certificate['identification'], 40)}, {item}",
-        Verdict(certificate["grade"], VERDICT_WORDS[certificate["verdict"]], _named(certificate["headline"])),
+        f"No. {clipped(certificate.identification, 40)}, {item}",
+        Verdict(
+            certificate.grade or "held",
+            VERDICT_WORDS[certificate.verdict],
+            _named(certificate.headline or ""),
+        ),
         list(_notes(certificate)),
         [
             section_of("Identification", Form(list(_identified(certificate)), ("Signature",))),
@@ -68,11 +85,11 @@ def certificate_page(certificate: Mapping[str, Any]) -> Page:
             section_of("Method, traceability and decision rule", Facts(list(_statements(certificate)))),
             section_of(
                 "What the offsets rest on",
-                Facts(list(_assumed(certificate["assumed"], certificate["offsets"]))),
+                Facts(list(_assumed(certificate))),
             ),
-            section_of("Fit", Paragraph(_fit(certificate["fit"]))),
+            section_of("Fit", Paragraph(_fit(certificate.result.likelihood))),
             section_of("Origin", Facts(_origin(certificate))),
-            section_of("Signature by key", *_signature(certificate["key"])),
+            section_of("Signature by key", *_signature(certificate.signing_key)),
         ],
     )
 
@@ -82,58 +99,58 @@ def _named(text: str) -> str:
     return sentence(re.sub(r"\bdelta\d+\b", lambda match: label(match.group()), text))
 
 
-def _notes(certificate: Mapping[str, Any]) -> Iterator[str]:
-    if certificate["simulated"]:
+def _notes(certificate: Certificate) -> Iterator[str]:
+    if certificate.simulated:
         yield "These measurements were simulated: no instrument took part, and nothing here is traceable."
-    if certificate["not_determined"]:
-        names = listed([label(name) for name in certificate["not_determined"]])
+    if certificate.not_determined:
+        names = listed([label(name) for name in certificate.not_determined])
         yield f"Not determined by these measurements and not certified: {names}."
-    for note in certificate["notes"]:
+    for note in certificate.notes:
         yield ended(_named(note))
 
 
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _identified(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _identified(certificate: Certificate) -> Iterator[tuple[str, str]]:
     """What ISO/IEC 17025:2017, 7.8.2 asks for, two in a row; "" where nobody has stated it."""
-    form = certificate["form"]
+    form = certificate.form
 
     def entry(key: str) -> tuple[str, str]:
-        return CERTIFICATE_KEYS[key], form[key] or ""
+        return CERTIFICATE_KEYS[key], getattr(form, key) or ""
 
-    robot = ", ".join(shown(text) for text in (certificate["model"], certificate["vendor"]) if text)
-    yield CERTIFICATE_KEYS["certificate_number"], certificate["identification"]
-    yield "Date of issue", certificate["issued"]
+    robot = ", ".join(shown(text) for text in (certificate.model, certificate.vendor) if text)
+    yield CERTIFICATE_KEYS["certificate_number"], certificate.identification
+    yield "Date of issue", certificate.issued
     yield entry("laboratory")
     yield entry("customer")
     yield entry("laboratory_address")
     yield entry("customer_address")
     yield "Item calibrated", robot
-    yield "Serial number", shown(certificate["serial"])
-    yield DATE, certificate["measured_at"][:10]
+    yield "Serial number", shown(certificate.serial)
+    yield DATE, f"{certificate.measured_at:%Y-%m-%d}"
     yield entry("place")
-    instruments = [(row["name"], row["text"] or "") for row in form["instruments"]]
-    if instruments and certificate["instrument"] and not any(text for _, text in instruments):
-        instruments[0] = (instruments[0][0], shown(certificate["instrument"]))
+    instruments = [(row.name, row.text or "") for row in form.instruments]
+    if instruments and certificate.instrument and not any(text for _, text in instruments):
+        instruments[0] = (instruments[0][0], shown(certificate.instrument))
     yield from instruments
     yield entry("temperature")
     yield entry("payload")
     yield entry("warm_up")
-    yield OPERATOR, shown(certificate["operator"] or "")
+    yield OPERATOR, shown(certificate.operator or "")
     yield entry("authorised_by")
 
 
-def _found_and_left(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _found_and_left(certificate: Certificate) -> Iterator[tuple[str, str]]:
     """The robot before and after; as left alone what was measured with the corrected robot."""
-    tcp, left = certificate["as_found"]["tcp"], certificate["as_left"]
+    tcp, left = certificate.as_found.tcp, certificate.as_left
     yield (
         "As found",
         ended(
             f"The offsets above{'' if tcp is None else f'; error of the TCP over the workspace {_tcp(tcp)}'}"
         ),
     )
-    if (expected := certificate["expected"]["tcp"]) is not None:
+    if (expected := certificate.expected.tcp) is not None:
         yield (
             "Expected as left",
             f"Error of the TCP over the workspace {_tcp(expected)}, once the values to enter are in the"
@@ -142,38 +159,38 @@ def _found_and_left(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]
     if left is None:
         yield "As left", "Not measured for this certificate: ______________________________"
         return
-    error = left["error_mm"]
-    before = "" if error["before"] is None else f" ({_size(error['before'])} as found, at the same postures)"
-    on = f" on {shown(left['measured_on'])}" if left["measured_on"] else ""
+    test, error = left.test, left.test.measured
+    before = "" if error.before is None else f" ({_size(error.before)} as found, at the same postures)"
+    on = f" on {shown(left.measured_on)}" if left.measured_on else ""
     yield (
         "As left",
-        f"{ACCEPTANCE_WORDS[left['verdict']]}: error {_size(error['after'])}{before}, measured"
-        f"{on} with {counted(left['measurements'], 'measurement')} of the corrected robot; the noise of a"
-        f" measurement is {numbers.significant(error['noise_mm'], 2, 'mm')}.",
+        f"{ACCEPTANCE_WORDS[test.verdict]}: error {_size(error.after)}{before}, measured"
+        f"{on} with {counted(test.measurements, 'measurement')} of the corrected robot; the noise of a"
+        f" measurement is {numbers.significant(error.noise_mm, 2, 'mm')}.",
     )
-    yield "Verification run", f"{shown(left['run'])}, SHA-256 {left['sha256']}"
+    yield "Verification run", f"{shown(left.run)}, SHA-256 {left.sha256}"
 
 
-def _tcp(error: Mapping[str, float]) -> str:
-    median, p95 = (numbers.significant(error[key], 2, "mm") for key in ("median_mm", "p95_mm"))
+def _tcp(error: TcpError) -> str:
+    median, p95 = (numbers.significant(mm, 2, "mm") for mm in (error.median_mm, error.p95_mm))
     return f"{median} in the median posture, within {p95} in 95\u00a0% of them"
 
 
-def _size(error: Mapping[str, float]) -> str:
-    rms, worst = (numbers.significant(error[key], 2, "mm") for key in ("rms_mm", "worst_mm"))
+def _size(error: ErrorSize) -> str:
+    rms, worst = (numbers.significant(mm, 2, "mm") for mm in (error.rms_mm, error.worst_mm))
     return f"{rms} rms, worst {worst}"
 
 
-def _statements(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    kinds = [kind_of(name) for name in _kinds(certificate["assumed"]).values()]
+def _statements(certificate: Certificate) -> Iterator[tuple[str, str]]:
+    kinds = certificate.result.inputs.instruments.values()
     methods = listed(list(dict.fromkeys(kind.words.method for kind in kinds)))
     paper = "Gao, Liu, Xi, Shen 2014; " if any(kind.beam for kind in kinds) else ""
     only_met = " No distance or pose was measured independently." if all(kind.met for kind in kinds) else ""
     yield (
         "Method",
-        f"The offsets are estimated from {certificate['shots']} measurements with {methods}, with what is"
+        f"The offsets are estimated from {certificate.shots} measurements with {methods}, with what is"
         f" listed below as prior ({paper}zerobeam"
-        f" {shown(certificate['zerobeam'])}).{only_met}",
+        f" {shown(certificate.made_by)}).{only_met}",
     )
     yield "Traceability", _traceability(certificate)
     yield "Decision rule", " ".join(_rules(certificate))
@@ -184,21 +201,13 @@ def _statements(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     )
 
 
-def _kinds(assumed: Mapping[str, Any]) -> dict[str, str]:
-    """The kind of each instrument by its label; older certificates know the tool alone."""
-    tool, others = assumed["tool"], assumed.get("instruments", {})
-    return ({"tool": tool["kind"]} if tool else {}) | {label: one["kind"] for label, one in others.items()}
-
-
-def _traceability(certificate: Mapping[str, Any]) -> str:
-    form = certificate["form"]
-    if certificate["simulated"]:
+def _traceability(certificate: Certificate) -> str:
+    form = certificate.form
+    if certificate.simulated:
         return "None: the measurements were simulated."
-    if form["traceability"]:
-        return shown(form["traceability"])
-    certificates = [
-        row["name"] for row in form["instruments"] if row["text"] and "certificate" in row["name"]
-    ]
+    if form.traceability:
+        return shown(form.traceability)
+    certificates = [row.name for row in form.instruments if row.text and "certificate" in row.name]
     if not certificates:
         return "Not shown: no calibration certificate of an instrument is stated."
     return (
@@ -207,23 +216,23 @@ def _traceability(certificate: Mapping[str, Any]) -> str:
     )
 
 
-def _rules(certificate: Mapping[str, Any]) -> Iterator[str]:
-    conformity, left = certificate["conformity"], certificate["as_left"]
+def _rules(certificate: Certificate) -> Iterator[str]:
+    conformity, left = certificate.conformity, certificate.as_left
     if conformity is None:
         yield "No requirement was stated: no statement of conformity is made."
     else:
-        required, probability = conformity["required_mm"], numbers.p_value(conformity["probability"])
+        required, probability = conformity.required_mm, numbers.p_value(conformity.probability)
         yield (
             f"Required: {numbers.exact(required, 'mm')} for 95\u00a0% of the workspace. Decision:"
-            f" {conformity['decision']} (probability {probability}). Rule: {ended(conformity['rule'])}"
+            f" {conformity.decision} (probability {probability}). Rule: {ended(conformity.rule)}"
         )
     if left is not None:
         yield f"Acceptance test: {RULE}"
 
 
-def _offsets(certificate: Mapping[str, Any]) -> Iterator[Block]:
-    rows, assumed, k = certificate["offsets"], certificate["assumed"], certificate["coverage"]["k"]
-    nominal = assumed["geometry"]["tolerance"] is None
+def _offsets(certificate: Certificate) -> Iterator[Block]:
+    rows, geometry, k = certificate.offsets, certificate.result.geometry, certificate.k
+    nominal = geometry.tolerance is None
     heads = [
         "name",
         "estimate",
@@ -240,101 +249,101 @@ def _offsets(certificate: Mapping[str, Any]) -> Iterator[Block]:
     if nominal:
         yield Paragraph(
             "U holds if the arm has its nominal geometry. U if the arm deviates has the same"
-            f" k and links that deviate by {_tolerances(assumed['geometry']['considered_tolerance'])}."
+            f" k and links that deviate by {_tolerances(geometry.considered_tolerance)}."
         )
-    if certificate["intervals"]:
-        yield _intervals(certificate["intervals"])
+    if certificate.intervals:
+        yield _intervals(row.of for row in certificate.intervals)
     grouped_by: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        if row["reason"]:
-            grouped_by.setdefault((row["status"], row["reason"]), []).append(label(row["name"]))
+        if row.reason:
+            grouped_by.setdefault((row.status, row.reason), []).append(label(row.name))
     reasons = [
         LegendEntry(key, f"{listed(names)}:", _named(text)) for (key, text), names in grouped_by.items()
     ]
-    tolerance = {"tolerance": assumed["tolerance"]}
-    yield Legend(legend((row["status"] for row in rows), tolerance), reasons)
+    yield Legend(legend((row.status for row in rows), certificate.result.inputs.header), reasons)
 
 
-def _offset(row: Mapping[str, Any], nominal: bool, k: float) -> Row:
+def _offset(row: CertifiedOffset, nominal: bool, k: float) -> Row:
     """One offset. What is not determined has no number in its row."""
-    status, unit, name = row["status"], unit_of(row["unit"]), label(row["name"])
+    status, unit, name = row.status, unit_of(row.unit), label(row.name)
     word, more = Cell(status, mark=status), [NO_NUMBER] if nominal else []
-    if not known(status):
-        text = f"held {_held_at(row)}" if row["held"] else NOT_DETERMINED
+    if row.expanded is None or row.estimate is None:
+        text = f"held {_held_at(row)}" if row.held else NOT_DETERMINED
         return row_of(name, Cell(text, span=2), *more, word, tone=status)
-    if nominal and row["considered_std"] is not None:
-        more = [numbers.spread(k * row["considered_std"], unit)]
+    if nominal and row.considered_std is not None:
+        more = [numbers.spread(k * row.considered_std, unit)]
     return row_of(
         name,
-        numbers.estimate(row["estimate"], row["expanded"], unit),
-        numbers.spread(row["expanded"], unit),
+        numbers.estimate(row.estimate, row.expanded, unit),
+        numbers.spread(row.expanded, unit),
         *more,
         word,
         tone=status,
     )
 
 
-def _intervals(rows: list[Mapping[str, Any]]) -> Table:
-    methods = ("linear", "profile", "posterior")
+def _intervals(rows: Iterable[Intervals]) -> Table:
     heads = ("name", "curvature at the mode", "profile likelihood", "posterior")
     return table_of(
         "95 % intervals by three methods, where they differ",
         heads,
-        [row_of(label(row["name"]), *(_interval(row[key], row) for key in methods)) for row in rows],
+        [row_of(label(row.name), *_ends(row)) for row in rows],
     )
 
 
-def _interval(bounds: tuple[float, float] | None, row: Mapping[str, Any]) -> str:
-    low, high = row["linear"]
-    return NO_NUMBER if bounds is None else numbers.interval(bounds, (high - low) / 4, unit_of(row["unit"]))
+def _ends(row: Intervals) -> Iterator[str]:
+    """By each method."""
+    (low, high), unit = row.linear, unit_of(row.unit)
+    for bounds in (row.linear, row.profile, row.posterior):
+        yield NO_NUMBER if bounds is None else numbers.interval(bounds, (high - low) / 4, unit)
 
 
-def _assumed(assumed: Mapping[str, Any], offsets: list[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
-    geometry, tool, noise = assumed["geometry"], assumed["tool"], assumed["noise"]
-    if geometry["tolerance"] is not None:
-        within = f"estimated within tolerances of {_tolerances(geometry['tolerance'])}"
-        yield "Geometry", f"{within}{_factors(geometry['factors'])}"
+def _assumed(certificate: Certificate) -> Iterator[tuple[str, str]]:
+    assumed, geometry = certificate.assumed, certificate.result.geometry
+    tool, noise = assumed.tool, assumed.noise
+    if geometry.tolerance is not None:
+        within = f"estimated within tolerances of {_tolerances(geometry.tolerance)}"
+        yield "Geometry", f"{within}{_factors(geometry.factors)}"
     else:
         yield "Geometry", "nominal, taken as the robot file states it"
     if tool:
-        yield "Tool", f"{tool['kind']}, {_tool(tool)}"
-    for name, entry in assumed["instruments"].items():
+        yield "Tool", f"{tool.kind}, {_tool(tool)}"
+    for name, entry in assumed.instruments.items():
         facts = [f"{key} {text}" for key, text in flat(entry) if key != "kind"]
         yield f"Instrument {clipped(name, 24)}", f"{shown(entry['kind'])}: {', '.join(facts)}"
     spot = {} if tool else {"spot_mm": None}
     yield "Noise (standard deviation)", f"{_noise({**noise, **spot})}; {_scale(assumed)}"
-    yield "Priors (standard deviation)", "; ".join(_priors(assumed["priors"])) or "none"
-    held_at = {row["name"]: _held_at(row) for row in offsets if row["held"]}
-    held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in assumed["held"]]
+    yield "Priors (standard deviation)", "; ".join(_priors(assumed.priors)) or "none"
+    held_at = {row.name: _held_at(row) for row in certificate.offsets if row.held}
+    held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in assumed.held]
     yield "Held, not estimated", listed(held) if held else "nothing"
 
 
-def _tool(tool: Mapping[str, Any]) -> str:
-    if not tool["calibrated"]:
+def _tool(tool: AssumedTool) -> str:
+    if not tool.calibrated:
         return "estimated"
     sigma = [
         tolerance_words(value, "deg" if key.endswith("deg") else "mm")
-        for key, value in (tool.get("sigma") or {}).items()
+        for key, value in (tool.sigma or {}).items()
         if value is not None
     ]
     return f"calibrated: estimated within {' and '.join(sigma)}" if sigma else "calibrated: taken as stated"
 
 
-def _tolerances(tolerance: Mapping[str, Any]) -> str:
-    length, angle = tolerance["length_mm"], tolerance["angle_deg"]
-    return f"{tolerance_words(length, 'mm')} and {tolerance_words(angle, 'deg')}"
+def _tolerances(links: LinkTolerances) -> str:
+    return f"{tolerance_words(links.length_mm, 'mm')} and {tolerance_words(links.angle_deg, 'deg')}"
 
 
-def _factors(factors: Mapping[str, float] | None) -> str:
+def _factors(factors: Factors | None) -> str:
     if factors is None:
         return ""
-    length, angle = (numbers.significant(factors[key], 2) for key in ("length", "angle"))
+    length, angle = (numbers.significant(factor, 2) for factor in (factors.length, factors.angle))
     return f", which the data multiply by {length} (lengths) and {angle} (angles)"
 
 
-def _priors(rows: list[Mapping[str, Any]]) -> Iterator[str]:
-    for group in dict.fromkeys(row["group"] for row in rows):
-        stds = [_rounded(row["std"], unit_of(row["unit"])) for row in rows if row["group"] == group]
+def _priors(rows: Iterable[Prior]) -> Iterator[str]:
+    for group in dict.fromkeys(row.group for row in rows):
+        stds = [_rounded(row.std, unit_of(row.unit)) for row in rows if row.group == group]
         yield f"{_GROUPS.get(group, group)} {listed(stds)}"
 
 
@@ -343,8 +352,8 @@ def _rounded(std: float, unit: str) -> str:
     return numbers.exact(float(f"{std:.3g}"), unit)
 
 
-def _held_at(row: Mapping[str, Any]) -> str:
-    return f"at {numbers.exact(row['estimate'], unit_of(row['unit']))}"
+def _held_at(row: CertifiedOffset) -> str:
+    return f"at {numbers.exact(row.estimate or 0.0, unit_of(row.unit))}"
 
 
 def _noise(noise: Mapping[str, Any]) -> str:
@@ -359,53 +368,53 @@ def _noise(noise: Mapping[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _scale(assumed: Mapping[str, Any]) -> str:
-    scale = assumed["noise"].get("scale", "known")
+def _scale(assumed: Assumed) -> str:
+    scale, rows = assumed.noise.get("scale", "known"), [factor.of for factor in assumed.noise_factors]
     if scale == "known":
         return "taken as stated"
-    if scale == "estimated" and not assumed["noise_factors"]:
+    if scale == "estimated" and not rows:
         return "estimated up to one factor"
     factors = [
-        f"{clipped(row['name'])} {numbers.estimate(row['estimate'], row['std'])}"
-        if known(row["status"])
-        else f"{clipped(row['name'])} {NOT_DETERMINED}"
-        for row in assumed["noise_factors"]
+        f"{clipped(row.name)} {NOT_DETERMINED}"
+        if row.estimate is None or row.std is None
+        else f"{clipped(row.name)} {numbers.estimate(row.estimate, row.std)}"
+        for row in rows
     ]
     count = "two" if len(factors) == 2 else str(len(factors))
     return f"estimated up to {count} factors: {', '.join(factors)}"
 
 
-def _fit(fit: Mapping[str, Any]) -> str:
-    rms = numbers.length_and_angle(fit["rms_mm"], fit.get("rms_deg"))
-    parts = [f"Residuals {rms} rms, {fit['dof']} degrees of freedom."]
-    if fit["noise_scale"] is not None:
-        parts.append(f"The noise is {numbers.times(fit['noise_scale'])} times the stated one.")
-    if fit["p_value"] is not None:
-        chi2 = numbers.significant(fit["chi2"])
-        parts.append(f"χ²\u00a0{chi2}, p-value {numbers.p_value(fit['p_value'])} for the stated noise.")
+def _fit(fit: LikelihoodSummary) -> str:
+    rms = numbers.length_and_angle(fit.rms_mm, fit.rms_deg)
+    parts = [f"Residuals {rms} rms, {fit.dof} degrees of freedom."]
+    if fit.noise_scale is not None:
+        parts.append(f"The noise is {numbers.times(fit.noise_scale)} times the stated one.")
+    if fit.p_value is not None:
+        chi2 = numbers.significant(fit.chi2)
+        parts.append(f"χ²\u00a0{chi2}, p-value {numbers.p_value(fit.p_value)} for the stated noise.")
     parts.append("No misfit was found.")
-    if fit["message"]:
-        parts.append(ended(f"{fit['message'][0].upper()}{fit['message'][1:]}"))
+    if fit.message:
+        parts.append(ended(f"{fit.message[0].upper()}{fit.message[1:]}"))
     return " ".join(parts)
 
 
-def _origin(certificate: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _origin(certificate: Certificate) -> list[tuple[str, str]]:
     return [
-        ("Robot", ", ".join(shown(text) for text in (certificate["model"], certificate["vendor"]) if text)),
-        ("Serial number", shown(certificate["serial"])),
-        ("Measured at", certificate["measured_at"]),
-        ("Instrument", shown(certificate["instrument"] or _NOT_STATED)),
-        ("Calibrated by", shown(certificate["operator"] or _NOT_STATED)),
-        ("Run", f"{shown(certificate['run'])}, {certificate['shots']} measurements"),
-        ("SHA-256 of the run", certificate["sha256"]),
-        ("SHA-256 of the whole result", certificate["document_sha256"]),
-        ("zerobeam", f"{shown(certificate['zerobeam'])} (result), {certificate['written_by']} (certificate)"),
+        ("Robot", ", ".join(shown(text) for text in (certificate.model, certificate.vendor) if text)),
+        ("Serial number", shown(certificate.serial)),
+        ("Measured at", certificate.measured_at.replace(tzinfo=UTC).isoformat()),
+        ("Instrument", shown(certificate.instrument or _NOT_STATED)),
+        ("Calibrated by", shown(certificate.operator or _NOT_STATED)),
+        ("Run", f"{shown(certificate.run)}, {certificate.shots} measurements"),
+        ("SHA-256 of the run", certificate.sha256),
+        ("SHA-256 of the whole result", certificate.document_sha256),
+        ("zerobeam", f"{shown(certificate.made_by)} (result), {certificate.written_by} (certificate)"),
     ]
 
 
-def _signature(key: Mapping[str, str]) -> Iterator[Block]:
+def _signature(key: SigningKey) -> Iterator[Block]:
     yield Paragraph(f"{listed(list(SIGNED))} are signed, each in a file .sig beside it. {_MEANING}")
-    yield Facts([("Key", key["algorithm"]), ("Fingerprint (SHA-256)", grouped(key["fingerprint"]))])
+    yield Facts([("Key", key.algorithm), ("Fingerprint (SHA-256)", grouped(key.fingerprint))])
     yield Paragraph("Either command verifies a file:")
     yield Commands(
         (

@@ -7,6 +7,7 @@ import functools
 import io
 import json
 import re
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,12 @@ from histories import a_result, postgresql
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.answer.result import Result, parse_result
+from zerobeam.experiments.history.certified import (
+    CERTIFICATE_SCHEMA,
+    Certificate,
+    CertifiedResult,
+    certificate_of,
+)
 from zerobeam.experiments.history.content import StoredResult
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.signing import (
@@ -33,10 +40,9 @@ from zerobeam.experiments.history.signing import (
 from zerobeam.experiments.history.store import add, results, whole_answer
 from zerobeam.model.errors import BadInput
 from zerobeam.model.instruments.laser import LaserBeam
-from zerobeam.reports.history import certificate as certificates_made
 from zerobeam.reports.history.certificate import (
-    SCHEMA,
     files_of_certificate,
+    read_certificate,
     why_history_differs,
     write_certificate,
 )
@@ -66,20 +72,25 @@ def stated(folder: Path) -> dict[str, Any]:
     return found
 
 
-def of_result(folder: Path, result: Result) -> dict[str, Any]:
+def of_file(folder: Path) -> CertifiedResult:
+    file = folder / "certificate.json"
+    return read_certificate(file.read_bytes(), file)
+
+
+def of_result(folder: Path, result: Result) -> Certificate:
     """The certificate of a result of the examples."""
     answer = copy.deepcopy(to_json(result))
     answer["inputs"]["header"]["provenance"] = {"serial": "A-1", "when": "2026-01-31"}
     own = only(kept(folder, answer))
-    return certificate_json(own, answer, "0" * 64, ISSUED)
+    return certificate(own, answer)
 
 
-def certificate_json(own: StoredResult, answer: dict[str, Any], by: str, issued: date) -> dict[str, Any]:
+def certificate(own: StoredResult, answer: dict[str, Any], issued: date = ISSUED) -> Certificate:
     """The certificate of a result.json."""
-    return certificates_made.certificate_json(own, parse_result(json.dumps(answer)), by, issued)
+    return certificate_of(own, parse_result(json.dumps(answer)), "0" * 64, issued)
 
 
-def page(certificate: dict[str, Any]) -> Page:
+def page(certificate: Certificate) -> Page:
     return Page(html(certificate_page(certificate), {}, "study"))
 
 
@@ -94,7 +105,7 @@ def test_it_states_the_result_and_is_signed(tmp_path: Path) -> None:
     folder = written(tmp_path, answer)
     own = only(kept(tmp_path))
     found = stated(folder)
-    assert found["schema"] == SCHEMA
+    assert found["schema"] == CERTIFICATE_SCHEMA
     assert (found["serial"], found["model"], found["vendor"]) == ("A-1", "irb1600", "abb")
     assert (found["measured_at"], found["operator"]) == ("2026-03-31T12:05:00+00:00", "J. Doe")
     assert (found["sha256"], found["document_sha256"]) == (answer["inputs"]["sha256"], own.document_sha256)
@@ -143,15 +154,15 @@ def test_the_same_result_and_key_give_the_same_bytes(tmp_path: Path) -> None:
 
 def test_another_day_of_issue_gives_another_certificate(tmp_path: Path) -> None:
     own = only(kept(tmp_path, a_result()))
-    made = [certificate_json(own, a_result(), "0" * 64, day) for day in (ISSUED, date(2026, 4, 2))]
+    made = [to_json(certificate(own, a_result(), day)) for day in (ISSUED, date(2026, 4, 2))]
     assert [one.pop("issued") for one in made] == ["2026-04-01", "2026-04-02"]
     identified = [one.pop("identification") for one in made]
     assert made[0] == made[1]
     # Each has an identification of its own, the same whenever it is written.
     assert re.fullmatch(r"SHA-256 [0-9a-f]{16}", identified[0])
     assert identified[0] != identified[1]
-    again = certificate_json(own, a_result(), "0" * 64, ISSUED)
-    assert again["identification"] == identified[0]
+    again = certificate(own, a_result())
+    assert again.identification == identified[0]
 
 
 STATED = {
@@ -217,10 +228,10 @@ def test_a_result_of_an_older_version_is_certified(tmp_path: Path) -> None:
     answer = a_result()
     for key in ("enter", "conformity", "coverage_factor", "message"):
         answer.pop(key, None)
-    certificate = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)
-    assert (certificate["as_found"]["tcp"], certificate["as_left"]) == (None, None)
-    assert certificate["coverage"]["k"] == pytest.approx(1.96, abs=1e-3)  # of its 95 % intervals
-    words = page(certificate).words
+    made = certificate(only(kept(tmp_path, answer)), answer)
+    assert (made.as_found.tcp, made.as_left) == (None, None)
+    assert made.coverage.k == pytest.approx(1.96, abs=1e-3)  # of its 95 % intervals
+    words = page(made).words
     assert "Not measured for this certificate" in words
     assert "Expected as left" not in words
 
@@ -277,10 +288,10 @@ def test_a_requirement_comes_with_its_decision_and_rule(tmp_path: Path) -> None:
         **{"required_mm": 0.5, "tcp_95_mm": 0.6, "probability": 0.2, "decision": "undecided"},
         "rule": "as JCGM 106 says",
     }
-    words = page(certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)).words
+    words = page(certificate(only(kept(tmp_path, answer)), answer)).words
     assert "Decision: undecided (probability 0.20). Rule: as JCGM 106 says." in words
     answer["conformity"] = None
-    words = page(certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)).words
+    words = page(certificate(only(kept(tmp_path, answer)), answer)).words
     assert "no statement of conformity is made" in words
 
 
@@ -327,7 +338,7 @@ def test_what_determines_no_offset_is_not_certified(tmp_path: Path, converged: b
     answer["posterior"]["parameters"] = None
     own = only(kept(tmp_path, answer))
     with pytest.raises(BadInput, match="determines no offset" if converged else "did not converge"):
-        certificate_json(own, answer, "0" * 64, ISSUED)
+        certificate(own, answer)
 
 
 def test_a_posterior_that_did_not_converge_is_said(tmp_path: Path) -> None:
@@ -339,21 +350,25 @@ def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
     for name in ("geometry", "separate", "uncalibrated"):
         (tmp_path / name).mkdir()
     freed = of_result(tmp_path / "geometry", example_results.geometry())
-    assert freed["assumed"]["geometry"]["tolerance"] is not None
-    assert {row["considered_std"] for row in freed["offsets"]} == {None}
-    assert "geometry" in {row["group"] for row in freed["assumed"]["priors"]}
+    assert freed.assumed.geometry.of.tolerance is not None
+    assert {row.considered_std for row in freed.offsets} == {None}
+    assert "geometry" in {row.group for row in freed.assumed.priors}
     shown = page(freed)
     factors = example_results.geometry().geometry.factors
     assert factors is not None
-    assert freed["assumed"]["geometry"]["factors"]["length"] == factors.length
+    assert to_json(freed)["assumed"]["geometry"]["factors"]["length"] == factors.length
     within = "estimated within tolerances of 0.3\u00a0mm and 0.1°, which the data multiply by"
     assert f"{within} {factors.length:.2f} (lengths) and {factors.angle:.2f} (angles)" in shown.words
     assert "U if the arm deviates" not in shown.words
     noisy = of_result(tmp_path / "separate", example_results.separate())
-    assert [row["name"] for row in noisy["assumed"]["noise_factors"]] == ["noise.joint", "noise.spot"]
+    assert [row["name"] for row in to_json(noisy)["assumed"]["noise_factors"]] == [
+        "noise.joint",
+        "noise.spot",
+    ]
     assert "estimated up to two factors" in page(noisy).words
     free = of_result(tmp_path / "uncalibrated", example_results.uncalibrated())
-    assert (free["assumed"]["tool"]["kind"], free["assumed"]["tool"]["calibrated"]) == ("laser", False)
+    assert free.assumed.tool is not None
+    assert (free.assumed.tool.kind, free.assumed.tool.calibrated) == ("laser", False)
     assert "laser, estimated" in page(free).words
     assert "tool 3° and 10" in page(free).words
 
@@ -365,16 +380,16 @@ def test_intervals_that_differ_between_methods_are_shown(tmp_path: Path) -> None
         {"name": name, "unit": "deg", **ends, "differ": differ}
         for name, differ in (("delta2", True), ("delta3", False), ("psd.x", True))
     ]
-    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)
-    assert [row["name"] for row in found["intervals"]] == ["delta2"]
+    found = certificate(only(kept(tmp_path, answer)), answer)
+    assert [row["name"] for row in to_json(found)["intervals"]] == ["delta2"]
     assert ["J2 (δ2)", "−1.260 to −1.180°", "−1.400 to −1.180°", "—"] in page(found).rows
 
 
 def test_what_the_result_found_and_a_simulation_are_on_the_first_page(tmp_path: Path) -> None:
     answer = a_result(origin="simulated")
     answer["notes"] = ["Outlying: measurement 3; delta4 hangs on it"]
-    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)
-    assert found["simulated"]
+    found = certificate(only(kept(tmp_path, answer)), answer)
+    assert found.simulated
     notes = certificate_page(found).notes
     assert notes[0].startswith("These measurements were simulated")
     assert notes[1] == "Outlying: measurement 3; J4 (δ4) hangs on it."
@@ -397,17 +412,17 @@ def test_names_do_no_harm(tmp_path: Path) -> None:
 def test_a_history_says_whether_it_still_holds_the_result(tmp_path: Path) -> None:
     answer = a_result()
     history = kept(tmp_path, answer)
-    certificate = certificate_json(only(history), answer, "0" * 64, ISSUED)
-    assert why_history_differs(history, certificate) is None
-    assert "no result" in (why_history_differs(history, {**certificate, "sha256": "0" * 64}) or "")
-    assert "operator" in (why_history_differs(history, {**certificate, "operator": "x"}) or "")
+    own = certificate(only(history), answer)
+    assert why_history_differs(history, own) is None
+    assert "no result" in (why_history_differs(history, replace(own, sha256="0" * 64)) or "")
+    assert "operator" in (why_history_differs(history, replace(own, operator="x")) or "")
     other = copy.deepcopy(answer)
     other["parameters"][1]["estimate"] += 1.0
     (tmp_path / "other.json").write_text(json.dumps(other), encoding="utf-8")
-    own = read_entry(tmp_path / "other.json", lambda sha256: None)
-    assert own is not None
-    assert add(history, [own], replace=True) == ["replaced"]
-    assert "replaced or altered" in (why_history_differs(history, certificate) or "")
+    entry = read_entry(tmp_path / "other.json", lambda sha256: None)
+    assert entry is not None
+    assert add(history, [entry], replace=True) == ["replaced"]
+    assert "replaced or altered" in (why_history_differs(history, own) or "")
 
 
 @pytest.mark.long
@@ -422,7 +437,7 @@ def test_postgresql_gives_the_same_bytes(tmp_path: Path) -> None:
             for number, own in enumerate(results(history)):
                 folder = tmp_path / name / str(number)
                 write_certificate(folder, own, whole_answer(history, own), key, ISSUED)
-                assert why_history_differs(history, stated(folder)) is None
+                assert why_history_differs(history, of_file(folder)) is None
                 made.setdefault(name, []).append({path.name: path.read_bytes() for path in folder.iterdir()})
             history.engine.dispose()
     assert len(made["sqlite"]) == 2
@@ -430,10 +445,10 @@ def test_postgresql_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_another_result_of_the_same_run_has_another_certificate(tmp_path: Path) -> None:
-    first = certificate_json(only(kept(tmp_path, a_result())), a_result(), "0" * 64, ISSUED)
+    first = certificate(only(kept(tmp_path, a_result())), a_result())
     (tmp_path / "other").mkdir()
     answer = a_result()
     answer["posterior"]["seconds"] += 1.0
-    second = certificate_json(only(kept(tmp_path / "other", answer)), answer, "0" * 64, ISSUED)
-    assert first["sha256"] == second["sha256"]
-    assert first["document_sha256"] != second["document_sha256"]
+    second = certificate(only(kept(tmp_path / "other", answer)), answer)
+    assert first.sha256 == second.sha256
+    assert first.document_sha256 != second.document_sha256

@@ -1,0 +1,414 @@
+"""A certificate of a result (`zerobeam/certificate/1`): what it states, and when there is none."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import field, replace
+from datetime import date
+from typing import Annotated, Any, Final, Literal
+
+from ...analysis.acceptance.measured_error import MeasuredError
+from ...analysis.answer.answer_message import Message
+from ...analysis.answer.result import LikelihoodSummary, Result
+from ...analysis.covariance import OffsetsWithoutPrior
+from ...analysis.diagnostics.values_to_enter import Conformity, TcpError
+from ...analysis.misfit import Misfit
+from ...analysis.observability.geometry_result import GeometryResult
+from ...analysis.posterior.intervals import Intervals
+from ...analysis.row import ParameterRow
+from ...analysis.solution import ParameterResult
+from ...analysis.status import known, versions
+from ...model.errors import BadInput
+from ...model.records import if_any, inline, internal, it, key, record, to_json
+from ...words.message import read_message
+from ...words.provenance import (
+    CERTIFICATE_KEYS,
+    DATE,
+    KEYS,
+    by_plain_key,
+    is_simulated,
+    provenance_entry,
+    traced,
+)
+from ..acceptance_files import Verified
+from .content import StoredResult
+from .signing import ALGORITHM
+
+CERTIFICATE_SCHEMA: Final = "zerobeam/certificate/1"
+_DIGITS = 16  # hexadecimal, of an identification
+
+
+@record
+class Coverage:
+    """Of the expanded uncertainties."""
+
+    k: float
+    probability: float = 0.95
+
+
+@record
+class TracedInstrument:
+    """What the provenance states of an instrument."""
+
+    name: str
+    text: str | None
+
+
+@record
+class CertificateForm:
+    """What the run's provenance states of laboratory, customer, conditions and instruments; null where it
+    states nothing."""
+
+    certificate_number: str | None
+    laboratory: str | None
+    laboratory_address: str | None
+    customer: str | None
+    customer_address: str | None
+    place: str | None
+    temperature: str | None
+    payload: str | None
+    warm_up: str | None
+    traceability: str | None
+    authorised_by: str | None
+    instruments: tuple[TracedInstrument, ...]
+
+
+@record(repr=False)
+class CertifiedOffset(ParameterRow):
+    """An offset. What is only as good as an assumption has no number on a certificate, but its reason."""
+
+    claims = (*ParameterRow.claims, "expanded", "considered_std")
+
+    expanded: Annotated[float | None, it("U = k u")]
+    considered_std: Annotated[
+        float | None, it("u if the arm deviates from the nominal geometry that was assumed")
+    ]
+    reason: Annotated[str | None, it("as in the result")]
+
+
+@record
+class CertifiedInterval:
+    """The 95 % interval of an offset that differs from method to method."""
+
+    of: Annotated[Intervals, inline("name", "unit", "linear", "profile", "posterior")]
+
+
+@record
+class ErrorAtTcp:
+    """The error of the TCP."""
+
+    tcp: Annotated[TcpError | None, it("null where it is not known")]
+
+
+@record
+class CertifiedError:
+    """The error measured before and after."""
+
+    of: Annotated[MeasuredError, inline("before", "after", "noise_mm")]
+
+
+@record
+class AsLeft:
+    """The error measured with the corrected robot, and the verdict of the acceptance test."""
+
+    test: Annotated[
+        Verified, inline("verdict", "measurements", "dof", "p_value", "false_alarm", "power_required")
+    ]
+    error_mm: CertifiedError
+    run: str
+    sha256: str
+    measured_on: str | None
+
+
+@record
+class AssumedGeometry:
+    """What is assumed of the links."""
+
+    of: Annotated[GeometryResult, inline("tolerance", "factors", "considered_tolerance")]
+
+
+@record
+class AssumedTool:
+    """The tool, as the header states it."""
+
+    kind: str
+    calibrated: bool
+    sigma: dict[str, Any] | None
+
+
+@record
+class NoiseFactor:
+    """A factor on the stated noise."""
+
+    of: Annotated[ParameterResult, inline("name", "status", "estimate", "std")]
+
+
+@record
+class Prior:
+    """The standard deviation of the prior of a group of parameters."""
+
+    group: str
+    unit: str
+    std: float
+
+
+@record
+class Assumed:
+    """What the result rests on besides the measurements."""
+
+    geometry: AssumedGeometry
+    tool: AssumedTool | None
+    instruments: dict[str, Any]
+    noise: dict[str, Any]
+    noise_factors: tuple[NoiseFactor, ...]
+    priors: tuple[Prior, ...]
+    held: tuple[str, ...]
+    tolerance: dict[str, Any] | None
+
+
+@record
+class CertifiedFit:
+    """The fit."""
+
+    of: Annotated[
+        LikelihoodSummary,
+        inline("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message", "rms_deg"),
+    ]
+
+
+@record
+class SigningKey:
+    """The key that it is signed by."""
+
+    algorithm: str
+    fingerprint: str
+
+
+@record(needed=("schema", "sha256", "serial", "model", "document_sha256"))
+class CertifiedResult(StoredResult):
+    """What a certificate.json has of the row of a history, and the hashes of the `files` beside it."""
+
+    schema: Annotated[Literal["zerobeam/certificate/1"], it("kind and version of the document")] = field(
+        default=CERTIFICATE_SCHEMA, kw_only=True
+    )
+    offsets: Annotated[tuple[ParameterRow, ...], internal]
+    without_prior: Annotated[OffsetsWithoutPrior | None, internal]
+    files: Annotated[dict[str, str] | None, if_any] = field(default=None, kw_only=True)
+
+
+@record(eq=False, kw_only=True)
+class Certificate(CertifiedResult):
+    """A whole certificate; `result` is what it certifies, `acceptance` the test of the corrected robot."""
+
+    identification: str
+    issued: str
+    offsets: tuple[CertifiedOffset, ...]
+    k: Annotated[float, internal]
+    result: Annotated[Result, internal]
+    acceptance: Annotated[Verified | None, internal]
+    fingerprint: Annotated[str, internal]
+
+    @property
+    @key("of the robot's maker")
+    def vendor(self) -> str | None:
+        return self.result.inputs.vendor
+
+    @property
+    @key("whether the provenance says that the run was simulated")
+    def simulated(self) -> bool:
+        return is_simulated(self._provenance)
+
+    @property
+    @key("as in the result")
+    def headline(self) -> str | None:
+        return self.result.headline
+
+    @property
+    @key("of the expanded uncertainties")
+    def coverage(self) -> Coverage:
+        return Coverage(self.k)
+
+    @property
+    @key("what the provenance states")
+    def form(self) -> CertificateForm:
+        entries = {
+            key: provenance_entry(self._provenance, KEYS[name]) or None
+            for key, name in CERTIFICATE_KEYS.items()
+        }
+        instruments = tuple(
+            TracedInstrument(name, provenance_entry(self._provenance, keys) or None)
+            for name, keys in traced(self.result.inputs.instruments.values())
+        )
+        return CertificateForm(**entries, instruments=instruments)
+
+    @property
+    @key("names of the unidentifiable offsets")
+    def not_determined(self) -> tuple[str, ...]:
+        return tuple(row.name for row in self.offsets if row.status == "unidentifiable")
+
+    @property
+    @key("of the offsets whose 95 % interval differs from method to method")
+    def intervals(self) -> tuple[CertifiedInterval, ...]:
+        offsets = {row.name for row in self.offsets}
+        rows = (row for row in self.result.intervals if row.name in offsets and row.differ)
+        return tuple(map(CertifiedInterval, rows))
+
+    @property
+    @key("before the calibration")
+    def as_found(self) -> ErrorAtTcp:
+        return ErrorAtTcp(None if self.result.enter is None else self.result.enter.tcp_before)
+
+    @property
+    @key("once the values are entered")
+    def expected(self) -> ErrorAtTcp:
+        return ErrorAtTcp(None if self.result.enter is None else self.result.enter.tcp_after)
+
+    @property
+    @key("what was measured with the corrected robot; null where nothing was")
+    def as_left(self) -> AsLeft | None:
+        if (test := self.acceptance) is None:
+            return None
+        when = provenance_entry(by_plain_key(test.run.provenance), KEYS[DATE]) or None
+        return AsLeft(test, CertifiedError(test.measured), test.run.file, test.run.sha256, when)
+
+    @property
+    @key("as in the result; null where nothing is required")
+    def conformity(self) -> Conformity | None:
+        return self.result.conformity
+
+    @property
+    @key("what the result rests on besides the measurements")
+    def assumed(self) -> Assumed:
+        header, rows = self.result.inputs.header, self.result.parameters
+        tool: Any = header.get("tool")
+        free = [row for row in rows if not row.held and row.group != "noise"]
+        priors = dict.fromkeys((row.group, row.unit, row.prior_std) for row in free if row.prior_std)
+        plain: Any = header
+        return Assumed(
+            AssumedGeometry(self.result.geometry),
+            tool and AssumedTool(tool["kind"], tool.get("calibrated", True), tool.get("sigma")),
+            plain.get("instruments") or {},
+            plain["noise"],
+            tuple(NoiseFactor(row) for row in rows if row.group == "noise"),
+            tuple(Prior(*prior) for prior in priors),
+            tuple(row.name for row in rows if row.held),
+            plain.get("tolerance"),
+        )
+
+    @property
+    @key("null: a misfit is not certified")
+    def misfit(self) -> Misfit | None:
+        return self.result.misfit
+
+    @property
+    @key("as in `fits.likelihood` of the result")
+    def fit(self) -> CertifiedFit:
+        return CertifiedFit(self.result.likelihood)
+
+    @property
+    @key("as in the result")
+    def notes(self) -> tuple[str, ...]:
+        return self.result.notes or ()
+
+    @property
+    @key("that it is signed by", name="key")
+    def signing_key(self) -> SigningKey:
+        return SigningKey(ALGORITHM, self.fingerprint)
+
+    @property
+    @key("the version of zerobeam that wrote the certificate")
+    def written_by(self) -> str:
+        return versions()["zerobeam"]
+
+    @property
+    def _provenance(self) -> dict[str, object]:
+        return by_plain_key(self.result.inputs.provenance)
+
+    @property
+    def digest(self) -> str:
+        """Digits of the hash of what it states."""
+        content = to_json(self)
+        del content["schema"], content["identification"]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+
+
+def certificate_of(
+    stored: StoredResult, result: Result, fingerprint: str, issued: date, acceptance: Verified | None = None
+) -> Certificate:
+    """The certificate of a result for the key of this fingerprint; `result` is the whole one of the history.
+
+    BadInput for a misfit, for a fit that did not converge, where no offset is determined, and where something
+    else speaks against the result. What the data do not determine has no number.
+    """
+    message = read_message(result)
+    _require_certifiable(stored, result, message)
+    k = result.coverage_factor or _coverage_factor(result)
+    certificate = Certificate(
+        **{
+            **vars(stored),
+            "grade": message.grade,
+            "offsets": tuple(_offset(row, result.geometry, k) for row in result.offsets),
+        },
+        identification="",
+        issued=issued.isoformat(),
+        k=k,
+        result=result,
+        acceptance=acceptance,
+        fingerprint=fingerprint,
+    )
+    # ISO/IEC 17025:2017, 7.8.2.1 d: no other certificate has it, whether a laboratory numbers them or not.
+    number = certificate.form.certificate_number or f"SHA-256 {certificate.digest}"
+    return replace(certificate, identification=number)
+
+
+def _require_certifiable(stored: StoredResult, result: Result, message: Message) -> None:
+    """BadInput where its message does not allow it, or its own rows do not, whatever its message says."""
+    of = f"run {stored.run}, SHA-256 {stored.sha256[:12]}…"
+    if result.verdict == "misfit":
+        raise BadInput(
+            "a misfit is not certified: the model does not describe the measurements",
+            found=of,
+            allowed="a result with the verdict pass, weak or degenerate",
+            remedy="find the cause (zerobeam report), measure again, or name another result by --run",
+        )
+    converged = result.likelihood.converged
+    if not converged or not any(known(row.status) for row in result.offsets):
+        why = "the result determines no offset" if converged else "the fit did not converge"
+        raise BadInput(
+            f"there is nothing to certify: {why}",
+            found=of,
+            remedy="measure more postures (zerobeam check says which), or name another result by --run",
+        )
+    if not message.may.certify:
+        raise BadInput(
+            "this result is not certified: something speaks against it",
+            found=f"{of}: {message.verdict}",
+            allowed="a result that nothing speaks against",
+            remedy=message.action.text or "find the cause (zerobeam report), or name another result by --run",
+        )
+
+
+def _coverage_factor(result: Result) -> float:
+    """k of the 95 % intervals, of a result that does not state it: one for all, since all have the degrees of
+    freedom of the fit."""
+    row = next(row for row in result.offsets if known(row.status))
+    assert row.interval95 is not None
+    assert row.std is not None
+    low, high = row.interval95
+    return (high - low) / 2 / row.std
+
+
+def _offset(row: ParameterResult, geometry: GeometryResult, k: float) -> CertifiedOffset:
+    considered = geometry.consider.get(row.name) if geometry.tolerance is None else None
+    determined = known(row.status) and row.std is not None
+    numbers = (None,) * 3 if row.status == "assumed" else (row.estimate, row.std, row.interval95)
+    return CertifiedOffset(
+        row.name,
+        row.unit,
+        row.status,
+        *numbers,
+        expanded=k * row.std if determined and row.std is not None else None,
+        considered_std=considered if determined else None,
+        reason=row.reason,
+    )
