@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..model.files.run import Run
 from ..model.likelihood.geometry import NOMINAL
 from ..model.likelihood.problem import Problem
 from ..model.likelihood.ties import Tie
+from .analyse_options import Sampling
 from .answer.findings import findings
 from .answer.result import (
     AngleResult,
@@ -51,8 +52,6 @@ from .posterior.posterior import (
 from .repeatability.prior_free import offsets_without_prior
 from .solution import ParameterTable, Solution, require_noise_data, undecided_names
 from .status import has_numbers, versions
-
-Sampling = Literal["always", "where needed", "never"]
 
 MOST_ESS = 1e5  # quantiles have three digits long before; the draws of more do not go into memory
 

@@ -25,8 +25,9 @@ from pathlib import Path
 import psutil
 from batch_time import write_runs
 
-from zerobeam.experiments.batch import PATTERN, BatchSettings, run_files
+from zerobeam.experiments.batch import PATTERN, run_files
 from zerobeam.experiments.cluster import PARCEL_BYTES, PARCELS_A_SECOND, Traffic, cluster
+from zerobeam.experiments.command_options import BatchSettings
 from zerobeam.experiments.processes import side_by_side
 from zerobeam.experiments.studies.coverage import StudiedPlan, studied, studied_plans
 from zerobeam.reports.batch.carried_out import TOGETHER, batch

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..analysis.analyse_options import AnalyseOptions
-from ..experiments.command_options import CompareOptions
+from ..experiments.command_options import BatchSettings, CompareOptions
 from ..experiments.demos import demo_runs
 from ..model.errors import BadInput, WorkersLost
-from ..model.options import Option, Seed, argument
+from ..model.options import Option, argument
 from .console import EXIT_STATUS, FAULT, err, out, print_json, progress, say, show_answer
 from .shared_options import Cluster, Json, Picture, PlanFile, RunFile
 
 if TYPE_CHECKING:
-    from ..analysis.analyse import Analysis, Sampling
+    from ..analysis.analyse import Analysis
     from ..analysis.answer.result import Result
     from ..model.files.run import Run
 
@@ -241,35 +241,20 @@ def _status(analysis: Analysis) -> int:
     return max(EXIT_STATUS[analysis.verdict], int(failed))
 
 
-_SAMPLING: dict[bool | None, Sampling] = {None: "where needed", True: "always", False: "never"}
-
-
 def batch(
     runs: Annotated[list[Path], argument("Run files (.jsonl), or folders of them.", metavar="RUN...")],
     folder: Annotated[Path, Option("Folder for the results.", "-o --out")],
     pattern: Annotated[
         str, Option("Which files of a folder are runs.", "--glob", metavar="PATTERN")
     ] = "**/*.jsonl",
-    report: Annotated[bool, Option("Write the report of each run, too.")] = False,
-    posterior: Annotated[
-        bool | None,
-        Option(
-            "Sample the posterior of every run, or of none; by default where the curvature at the mode"
-            " does not describe it.",
-            "--posterior/--no-posterior",
-        ),
-    ] = None,
     parquet: Annotated[bool, Option("Write the tables as Parquet, too.")] = False,
     as_json: Json = False,
-    seed: Seed = 0,
     *,
+    settings: BatchSettings,
     cluster: Cluster,
-    ess: Annotated[
-        float, Option("Effective sample size of the posteriors, for every parameter.", least=100, most=1e5)
-    ] = 1000.0,
 ) -> None:
     """Solve many runs: results, reports if asked, tables, and one page over all."""
-    from ..experiments.batch import BatchSettings, run_files
+    from ..experiments.batch import run_files
     from ..reports.batch.batch_folder import require_parquet
     from ..reports.batch.batch_page import batch_page
     from ..reports.batch.carried_out import STORE, check_target
@@ -279,8 +264,6 @@ def batch(
         require_parquet()
     check_target(folder)
     files = run_files(runs, pattern, folder)
-    sampling = _SAMPLING[posterior]
-    settings = BatchSettings(seed=seed, ess=ess, sampling=sampling, report=report)
     try:
         with cluster.opened(), progress("batch") as tell:
             done = carry_out(files, folder, settings, tell, parquet=parquet)

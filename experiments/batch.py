@@ -12,7 +12,6 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
-from ..analysis.analyse import Sampling
 from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
 from ..analysis.row import ParameterRow
 from ..analysis.status import Verdict, known, versions
@@ -21,6 +20,7 @@ from ..model.files.run import Run
 from ..model.kinematics.robot import Robot
 from ..model.parsing.reading import real_path
 from ..model.records import it, key, record
+from .command_options import BatchSettings
 from .source import source_hash
 
 Outcome = Verdict | Literal["failed"]
@@ -28,16 +28,6 @@ Outcome = Verdict | Literal["failed"]
 OUTCOMES: tuple[Outcome, ...] = ("failed", "misfit", "degenerate", "weak", "pass")
 OUTLIER_ALARM = 0.01  # probability of any false alarm over all arms and offsets
 BATCH_SCHEMA: Literal["zerobeam/batch/1"] = "zerobeam/batch/1"
-
-
-@record
-class BatchSettings:
-    """How all runs of a batch are solved."""
-
-    seed: Annotated[int, it("random seed")]
-    ess: Annotated[float, it("effective sample size that is required of the posteriors")]
-    sampling: Annotated[Sampling, it("which posteriors are sampled")]
-    report: Annotated[bool, it("whether each run has its whole report")]
 
 
 @record(repr=False)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+from ..analysis.analyse_options import Ess, Sampling
 from ..model.options import Option, Seed, argument
 
 Url = Annotated[
@@ -19,6 +20,29 @@ Url = Annotated[
 SerialOrAll = Annotated[str | None, argument("Serial number of one arm (all).", metavar="[SERIAL]")]
 Model = Annotated[str | None, Option("Model of the arm, where several have this serial number.")]
 ToleranceMm = Annotated[float, Option("TCP error that is tolerated, mm.", least=1e-6, most=1e6)]
+
+
+def _sampling(typed: bool) -> Sampling:
+    return "always" if typed else "never"
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """How all runs of a batch are solved."""
+
+    seed: Seed = 0
+    ess: Ess = 1000.0
+    sampling: Annotated[
+        Sampling,
+        Option(
+            "Sample the posterior of every run, or of none; by default where the curvature at the mode"
+            " does not describe it.",
+            "--posterior/--no-posterior",
+            typed=bool | None,
+            text=_sampling,
+        ),
+    ] = "where needed"
+    report: Annotated[bool, Option("Write the report of each run, too.")] = False
 
 
 @dataclass(frozen=True)

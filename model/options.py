@@ -48,6 +48,18 @@ class Option:
     app: bool = True
     variable: str | None = None
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable[[Any], Any]) -> Any:
+        """Where the record is read from a document: the number within its bounds."""
+        schema = handler(source)
+        number = schema.get("schema", schema)
+        bounds = {"ge": self.least, "le": self.most}
+        number.update({name: bound for name, bound in bounds.items() if bound is not None})
+        return schema
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable[[Any], Any]) -> Any:
+        """The help says what the key is."""
+        return {**handler(schema), "description": f"{self.help[0].lower()}{self.help[1:]}".removesuffix(".")}
+
 
 def argument(help: str, **others: Any) -> Option:
     """What is stated without a flag."""
@@ -74,6 +86,8 @@ class OptionField:
     @property
     def typed_default(self) -> Any:
         """The usual value as it would be typed."""
+        if self.option.typed is not str and self.option.text is not None and self.default is not REQUIRED:
+            return None
         if not isinstance(self.default, tuple | dict):
             return self.default
         return ",".join(f"{value:g}" for value in self.default) or None

@@ -23,12 +23,12 @@ from ...experiments.batch import (
     Batch,
     BatchOffset,
     BatchRow,
-    BatchSettings,
     Finished,
     key_of,
     names_of,
     shown_path,
 )
+from ...experiments.command_options import BatchSettings
 from ...experiments.processes import side_by_side
 from ...experiments.studies.cases import CaseStore
 from ...model.arrays import Progress

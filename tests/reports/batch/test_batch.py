@@ -10,7 +10,8 @@ from cells import exact_copy
 from command_line import zerobeam
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.batch import Batch, BatchOffset, BatchRow, BatchSettings
+from zerobeam.experiments.batch import Batch, BatchOffset, BatchRow
+from zerobeam.experiments.command_options import BatchSettings
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
