@@ -38,6 +38,24 @@ def _direction(text: str) -> tuple[float, ...] | None:
     return None if text == "any" else numbers_typed(3, "--facing")(text)
 
 
+# Stated in study files too.
+CriterionOfPlan = Annotated[Literal["A", "D", "E"], Option("Criterion of an optimal plan.")]
+AcceptanceDeg = Annotated[
+    float, Option("Largest angle between the beam and that normal, deg.", "--acceptance")
+]
+MarginDeg = Annotated[float, Option("Distance kept from every joint limit, deg.", "--margin", least=0)]
+LineDistance = Annotated[
+    float | None,
+    Option("x, y: of the middle of the pattern's line before the base's z axis, mm.", "--distance"),
+]
+LineHeight = Annotated[float | None, Option("x, y: of the pattern's line over the target, mm.", "--height")]
+LineWidth = Annotated[float | None, Option("x, y: length of the pattern's line, mm.", "--width", least=0)]
+FlangeRoll = Annotated[
+    float | None,
+    Option("x, y: rotation of the flange about the beams, deg; 0: b1 along the line.", "--roll"),
+]
+
+
 @dataclass(frozen=True)
 class PlanOptions:
     """How a plan is made: degrees and millimetres, as people state them.
@@ -83,7 +101,7 @@ class PlanOptions:
     candidates: Annotated[int, Option("Candidate postures to choose from.", least=10, most=1_000_000)] = (
         10_000
     )
-    criterion: Annotated[Literal["A", "D", "E"], Option("Criterion of an optimal plan.")] = "A"
+    criterion: CriterionOfPlan = "A"
     tolerance: Annotated[
         float | None,
         Option(
@@ -96,29 +114,15 @@ class PlanOptions:
         tuple[float, ...] | None,
         Option("Outward normal of the target's face: X,Y,Z, or any.", text=_direction),
     ] = (0.0, 0.0, 1.0)
-    acceptance_deg: Annotated[
-        float, Option("Largest angle between the beam and that normal, deg.", "--acceptance")
-    ] = 60.0
+    acceptance_deg: AcceptanceDeg = 60.0
     beam_mm: Annotated[
         tuple[float, ...],
         Option("Shortest and longest beam, mm: MIN,MAX.", "--beam", text=numbers_typed(2, "--beam")),
     ] = (200.0, 2000.0)
-    margin_deg: Annotated[
-        float, Option("Distance kept from every joint limit, deg.", "--margin", least=0)
-    ] = 5.0
-    distance_mm: Annotated[
-        float | None,
-        Option("x, y: of the middle of the pattern's line before the base's z axis, mm.", "--distance"),
-    ] = None
-    height_mm: Annotated[
-        float | None, Option("x, y: of the pattern's line over the target, mm.", "--height")
-    ] = None
-    width_mm: Annotated[
-        float | None, Option("x, y: length of the pattern's line, mm.", "--width", least=0)
-    ] = None
-    roll_deg: Annotated[
-        float | None,
-        Option("x, y: rotation of the flange about the beams, deg; 0: b1 along the line.", "--roll"),
-    ] = None
+    margin_deg: MarginDeg = 5.0
+    distance_mm: LineDistance = None
+    height_mm: LineHeight = None
+    width_mm: LineWidth = None
+    roll_deg: FlangeRoll = None
     obstacles: Annotated[Path | None, Option("Obstacles file (.yaml): floor, boxes.")] = None
     seed: Seed = 0

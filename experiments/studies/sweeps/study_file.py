@@ -18,7 +18,6 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from ....analysis.design.continuous_design import Criterion
 from ....model.errors import BadInput, located
 from ....model.files.header import (
     GeometryOfArm,
@@ -41,7 +40,6 @@ from ....model.parsing.reading import Document, KeyPath, did_you_mean, read_yaml
 from ....model.parsing.validation import (
     FileModel,
     Name,
-    NotNegative,
     Positive,
     Vector,
     refusal,
@@ -49,6 +47,16 @@ from ....model.parsing.validation import (
     with_length,
 )
 from ....words import numbers
+from ...plans.plan_options import (
+    AcceptanceDeg,
+    CriterionOfPlan,
+    FlangeRoll,
+    LineDistance,
+    LineHeight,
+    LineWidth,
+    MarginDeg,
+    Pattern,
+)
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
 OTHER_STUDIES = (
@@ -104,7 +112,7 @@ class PlacedTarget(FileModel):
 class PlanMaking(FileModel):
     """How the plan of a case is made."""
 
-    kind: Literal["x", "y", "optimal"] = Field(
+    kind: Pattern = Field(
         default="optimal", description="the paper's X- or Y-Pattern, or the best of many candidates"
     )
     shots: Annotated[int, Field(ge=1, le=10_000)] = Field(default=7, description="number of measurements")
@@ -112,40 +120,25 @@ class PlanMaking(FileModel):
         default=None,
         description="length of a pattern's line as a share of the arm's reach; default: the pattern's own",
     )
-    distance_mm: float | None = Field(
-        default=None,
-        description="of the middle of a pattern's line before the base's z axis, millimetres; default: the"
-        " pattern's own",
-    )
-    height_mm: float | None = Field(
-        default=None,
-        description="of a pattern's line over the target, millimetres; default: the pattern's own",
-    )
-    width_mm: NotNegative | None = Field(
-        default=None, description="length of a pattern's line, millimetres; instead of span"
-    )
-    roll_deg: float | None = Field(
-        default=None,
-        description="rotation of the flange about the beams of a pattern, degrees; 0: b1 along the line;"
-        " default: whatever is nearest",
-    )
+    distance_mm: LineDistance = None
+    height_mm: LineHeight = None
+    width_mm: LineWidth = None
+    roll_deg: FlangeRoll = None
     candidates: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1000, description="postures that an optimal plan is chosen from"
     )
-    criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
+    criterion: CriterionOfPlan = "A"
     facing: (
         Annotated[Vector, with_length("the normal of the face", "any vector but zero, or null")] | None
     ) = Field(
         default=(0.0, 0.0, 1.0),
         description="outward normal of the target's face, base frame, any length; null: any side",
     )
-    acceptance_deg: Annotated[float, Field(gt=0, le=90)] = Field(
-        default=60.0, description="largest angle between beam and that normal, degrees"
-    )
+    acceptance_deg: Annotated[AcceptanceDeg, Field(gt=0, le=90)] = 60.0
     beam_mm: Annotated[tuple[float, float], BeforeValidator(_pair)] = Field(
         default=(200.0, 2000.0), description="shortest and longest beam, millimetres"
     )
-    margin_deg: NotNegative = Field(default=5.0, description="kept to every joint limit, degrees")
+    margin_deg: MarginDeg = 5.0
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
