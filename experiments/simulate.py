@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.observability.aim import aim, servo_joints
-from ..analysis.observability.outlook import GUESSED
+from ..analysis.observability.predictions import GUESSED
 from ..model.arrays import Matrix
 from ..model.errors import RigFault
 from ..model.files.plan import Means, Plan

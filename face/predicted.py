@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..analysis.covariance import frame, noted
-from ..analysis.diagnostics.tcp_positions import NO_EFFECT, arm_covariance, tool_point, undetermined_offsets
 from ..analysis.solution import Solution
 from ..analysis.status import UNVALIDATED
+from ..analysis.tcp_positions import NO_EFFECT, arm_covariance, tool_point, undetermined_offsets
 from ..model.errors import BadInput
 from ..model.files.from_arrays import joint_positions
 from ..model.files.limits import joint_warnings

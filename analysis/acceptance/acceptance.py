@@ -29,7 +29,7 @@ from ...model.files.run import UNKNOWNS
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, key, record
-from ..observability.outlook import predicted_covariance
+from ..observability.predictions import predicted_covariance
 from ..prediction import PredictedResiduals, Predictor, Rows, noise_dof, of_rows, settled, weighted_rows
 from ..solution import Solution
 

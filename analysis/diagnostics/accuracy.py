@@ -35,7 +35,7 @@ from ...model.records import internal, it, record, worded
 from ..error_radius import radius95, radius95_about
 from ..observability.causes import Cause
 from ..solution import Solution
-from .tcp_positions import (
+from ..tcp_positions import (
     TcpSource,
     arm_covariance,
     default_point,

@@ -31,7 +31,7 @@ from ...model.records import it, record
 from ..recordings.recordings import drawn_by_covariance
 from ..solution import Solution
 from ..status import known
-from .tcp_positions import (
+from ..tcp_positions import (
     arm_covariance,
     default_point,
     moving_by_nominal,

@@ -24,7 +24,8 @@ from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, Tried, cause_for
 from .geometry_result import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
-from .outlook import (
+from .power import DetectionPower, powers
+from .predictions import (
     Advice,
     CurvePoint,
     OverTarget,
@@ -35,7 +36,6 @@ from .outlook import (
     predicted_std,
     typical,
 )
-from .power import DetectionPower, powers
 from .remedies import Allowed, RemedySearch
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ from .causes import (
     WithinTolerances,
     worst_direction,
 )
-from .outlook import Advice, besides
+from .predictions import Advice, besides
 
 Allowed = Callable[[Problem], Mask]  # of aimed shots (N,), which of them the constraints of a plan allow
 

@@ -13,8 +13,8 @@ import numpy as np
 from ...analysis.acceptance.acceptance import LackingTest, lacking_test
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.check import Planned as PlanVerdict
-from ...analysis.observability.outlook import CurvePoint
 from ...analysis.observability.power import DetectionPower
+from ...analysis.observability.predictions import CurvePoint
 from ...model.arrays import Progress
 from ...model.errors import BadInput
 from ...model.files.from_arrays import checked

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...analysis.diagnostics.tcp_positions import spread_postures, within_limits
+from ...analysis.tcp_positions import spread_postures, within_limits
 from ...model.errors import BadInput
 from ...model.instruments.proposal import ON_THE_FLANGE, TARGET_OUT, Keys, Point, ProposedHeader, whole_point
 from ...model.instruments.registry import KINDS, kind_names, kind_of

@@ -13,8 +13,8 @@ from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
-from ...analysis.observability.outlook import CurvePoint, mounted_spread, predicted_std, typical
 from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
+from ...analysis.observability.predictions import CurvePoint, mounted_spread, predicted_std, typical
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header

@@ -15,7 +15,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, JsonValue
 
-from ...analysis.diagnostics.tcp_positions import (
+from ...analysis.estimation.threads import one_blas_thread
+from ...analysis.observability.identifiability import identify
+from ...analysis.observability.predictions import predicted_covariance
+from ...analysis.tcp_positions import (
     arm_covariance,
     moving_offsets,
     spread_postures,
@@ -23,9 +26,6 @@ from ...analysis.diagnostics.tcp_positions import (
     undetermined_offsets,
     within_limits,
 )
-from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.observability.identifiability import identify
-from ...analysis.observability.outlook import predicted_covariance
 from ...model.arrays import Matrix, Progress
 from ...model.errors import located
 from ...model.files.header import Header

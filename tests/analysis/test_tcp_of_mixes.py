@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from zerobeam.analysis.diagnostics.tcp_positions import arm_covariance, spread_postures, tool_point
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.observability.aim import aim, servo_joints
-from zerobeam.analysis.observability.outlook import predicted_covariance
+from zerobeam.analysis.observability.predictions import predicted_covariance
+from zerobeam.analysis.tcp_positions import arm_covariance, spread_postures, tool_point
 from zerobeam.experiments.plans.candidates import Planned, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.simulate import simulated_readings

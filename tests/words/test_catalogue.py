@@ -47,7 +47,7 @@ from zerobeam.analysis.misfit import (
 from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.observability.changes import RunChange
 from zerobeam.analysis.observability.check import Check, OutsideLimits, TargetBehind, Unreachable, Violation
-from zerobeam.analysis.observability.outlook import OverTarget
+from zerobeam.analysis.observability.predictions import OverTarget
 from zerobeam.analysis.recordings.steps import RecordingStep, RecordingSteps
 from zerobeam.analysis.status import Status, Verdict
 from zerobeam.analysis.tight_priors import TightPrior

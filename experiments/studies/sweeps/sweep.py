@@ -20,7 +20,7 @@ from scipy import stats
 from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, fit_likelihood, fit_p_value
 from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
-from ....analysis.observability.outlook import predicted_std
+from ....analysis.observability.predictions import predicted_std
 from ....analysis.status import has_numbers, verdict_of
 from ....model.arrays import Index, Matrix, Progress, normal_half_width
 from ....model.errors import BadInput

@@ -13,7 +13,7 @@ from plan_requests import plan_request
 from zerobeam.analysis.observability import check as module
 from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.analysis.observability.check import check, without_posture
-from zerobeam.analysis.observability.outlook import GUESSED, predicted_std
+from zerobeam.analysis.observability.predictions import GUESSED, predicted_std
 from zerobeam.experiments.makers.calibration import converged_solution
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.experiments.simulate import Truth, simulated_shots

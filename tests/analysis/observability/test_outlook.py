@@ -8,7 +8,7 @@ from cells import PROBE, good_plan, header, irb1600, pattern_plan, plan_of
 
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.check import Check, check
-from zerobeam.analysis.observability.outlook import over_target, predicted_std
+from zerobeam.analysis.observability.predictions import over_target, predicted_std
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
 

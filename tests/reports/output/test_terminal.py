@@ -17,7 +17,7 @@ from run_events import event_of
 from zerobeam.analysis.answer.findings import FileWarning
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import OutsideLimits, check
-from zerobeam.analysis.observability.outlook import Advice, OverTarget
+from zerobeam.analysis.observability.predictions import Advice, OverTarget
 from zerobeam.experiments.procedure.events import Ended
 from zerobeam.reports.output.terminal import print_blocks, print_page, table_lines
 from zerobeam.reports.plan.check_page import check_page

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.arrays import Matrix
-from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Robot
-from ...model.likelihood.problem import Problem
-from ..status import Status
+from ..model.arrays import Matrix
+from ..model.kinematics.pendant import beyond_limits
+from ..model.kinematics.robot import Robot
+from ..model.likelihood.problem import Problem
+from .status import Status
 
 TcpSource = Literal["stated point", "tool", "last axis"]
 NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
