@@ -40,6 +40,8 @@ from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
 from .observability.basis import bases
+from .observability.better_postures import kept, usual_constraints
+from .observability.outlook import Outlook, Prospect, Prospects, of_run_or_plan
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     UNSAMPLED,
@@ -227,12 +229,43 @@ def _analyse(
         power=solution.power,
         coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),
+        outlook=_outlook(solution, run),
         taken_as_known=bases(
             solution.problem, solution.fit.covariance, solution.status, run.header, geometry
         ),
     )
     report("diagnostics", 1.0)
     return solution, result, draws
+
+
+def _outlook(solution: Solution, run: Run) -> Outlook | None:
+    """What would make the answer better; None where it has no answer, or a wrong model."""
+    if not solution.converged or solution.misfit is not None:
+        return None
+    problem, x, entries = solution.problem, solution.fit.x, run.header.targets
+    constraints = usual_constraints(problem, x)
+    return of_run_or_plan(
+        Prospect(
+            header=run.header,
+            problem=problem,
+            x=x,
+            status=solution.status,
+            rests_on=solution.identified.rests_on,
+            covariance=solution.fit.covariance,
+            estimated=True,
+            prospects=Prospects(constraints, lambda shots: kept(constraints, shots, x, entries)),
+            weight=1 / solution.noise_scale**2,
+            dof=solution.dof if problem.noise.estimated and solution.dof else None,
+            minutes_each=_minutes_each(run),
+        )
+    )
+
+
+def _minutes_each(run: Run) -> float | None:
+    """What a measurement took, the median; None where the run does not say when they were made."""
+    times = [shot.time_s for shot in run.shots if shot.time_s is not None]
+    between = np.diff(sorted(set(times)))
+    return float(np.median(between)) / 60 if len(times) == len(run.shots) and len(between) else None
 
 
 def _omitted(solution: Solution) -> tuple[PosteriorSummary, tuple[Intervals, ...]]:

@@ -13,11 +13,17 @@ from ..model.arrays import Matrix
 from ..model.kinematics.pendant import beyond_limits
 from ..model.kinematics.robot import Robot
 from ..model.likelihood.problem import Problem
+from .draws import drawn_by_covariance
 from .status import Status
 
 TcpSource = Literal["stated point", "tool", "last axis"]
 NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
 _ON_AXIS = 1e-6  # mm
+_POSTURES, _ARMS = 256, 200
+FITTED = 128  # of them, by which values are fitted: the first are spread as evenly as all
+_FRONT = float(np.radians(90.0))
+_BESIDE = 100.0  # mm: the points beside the TCP
+_SAME = 1e-10  # of the largest: a direction of offsets that moves no point stays as estimated
 
 
 def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
@@ -45,6 +51,14 @@ def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
     return result
 
 
+def arms_at_random(covariance: Matrix, dof: float | None = None) -> Matrix:
+    """(D, a) rad or mm, deviations of arms from the mean arm, by the covariance (a, a) of offsets and
+    geometry; of Student's distribution where the noise is estimated with `dof`."""
+    rng = np.random.default_rng(2014)
+    drawn = drawn_by_covariance(covariance, _ARMS, rng)
+    return drawn if dof is None else drawn * np.sqrt(dof / rng.chisquare(dof, size=(_ARMS, 1)))
+
+
 def moving_offsets(problem: Problem, jacobian: Matrix) -> NDArray[np.bool_]:
     """(n,) whether each offset moves the point somewhere, of (P, 3, a) of `tool_point`."""
     offsets = problem.parameters.block("offset")
@@ -70,6 +84,29 @@ def within_limits(robot: Robot, joints: Matrix) -> Matrix:
     """Those of joints (N, n) that the arm can take: where joint 3 is counted from the ground its range
     depends on joint 2."""
     return joints if robot.conventions.range3 is None else joints[~beyond_limits(robot, joints).any(axis=1)]
+
+
+def front_postures(problem: Problem) -> Matrix:
+    """(P, n) postures within the limits, joint 1 within 90 degrees of the middle of its range."""
+    robot = problem.robot
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    if robot.joints[0].kind == "revolute":
+        middle = (lower[0] + upper[0]) / 2
+        lower[0], upper[0] = max(lower[0], middle - _FRONT), min(upper[0], middle + _FRONT)
+    return within_limits(robot, spread_postures(lower, upper, _POSTURES))
+
+
+def fitted_points(tcp: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
+    """(6 P, 3) mm points of the flange by which values to enter are fitted at joints (P, n): its origin, the
+    `tcp` (3,) and four beside it; and (6 P, n) the joints of each."""
+    beside = [tcp + _BESIDE * np.array(axis) for axis in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))]
+    points = np.repeat([np.zeros(3), tcp, *beside], len(joints), axis=0)
+    return points, np.tile(joints, (2 + len(beside), 1))
+
+
+def normal_inverse(columns: Matrix) -> Matrix:
+    """(k, k) of columns (M, k): the inverse of C'C, 0 along what moves no point."""
+    return np.asarray(np.linalg.pinv(columns.T @ columns, rcond=_SAME, hermitian=True), dtype=float)
 
 
 def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:

@@ -222,7 +222,7 @@ def _write_sheet(planned: "Plan", file: Path, j3: "J3 | None", force: bool, read
     refuse_existing(file, force=force, keep=read)
     require_constraints(planned)
     turned = aim_plan(planned)
-    write_whole(file, operator_sheet(turned, check_plan(planned, turned), j3), force=force)
+    write_whole(file, operator_sheet(turned, check_plan(planned, turned, outlook=False), j3), force=force)
     say(f"Written to {file}")
 
 

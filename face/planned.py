@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ..analysis.observability.aim import aim_plan
 from ..analysis.observability.check import Check, CheckedParameter, PlanVerdict
-from ..experiments.plans.constraints import violations
+from ..experiments.plans.constraints import prospects, violations
 from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
 from ..experiments.plans.plan_options import PlanOptions, Portion
 from ..model.arrays import ByValue
@@ -232,7 +232,7 @@ def check(plan: Plan) -> CheckedPlan:
     """
     require_plan(plan)
     aimed = aim_plan(plan)
-    return CheckedPlan.of(aimed, violations(aimed))
+    return CheckedPlan.of(aimed, violations(aimed), prospects=prospects(aimed))
 
 
 def optimal_plan(

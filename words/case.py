@@ -139,7 +139,12 @@ class RunCase:
 
     @property
     def plan(self) -> str | None:
-        """The command that plans measurements by the run's instrument, None where it has several, or a tool
+        """The command that plans measurements, None where there is none."""
+        return None if self.planned is None else f"{self.planned} -o plan.yaml"
+
+    @property
+    def planned(self) -> str | None:
+        """The same without options and file: by the run's instrument, None where it has several, or a tool
         that has several targets."""
         targets, stations = self.header.get("targets") or {}, self.header.get("instruments") or {}
         if not self.run or not isinstance(targets, dict) or not isinstance(stations, dict):
@@ -148,7 +153,7 @@ class RunCase:
         if stations:
             planned = len(stations) == 1 and self.header.get("tool") is None
             known = all(isinstance(row, dict) and row.get("guess_mm") for row in targets.values())
-            return f"{command} -o plan.yaml" if planned and known else None
+            return command if planned and known else None
         if len(targets) != 1:
             return None
         ((target, row),) = targets.items()
@@ -156,7 +161,7 @@ class RunCase:
         if target not in {kind.target for kind in KINDS.values()} or not isinstance(guess, list | tuple):
             return None
         coordinates = ",".join(f"{float(value):g}" for value in guess)
-        return f"{command} --target={coordinates} -o plan.yaml"
+        return f"{command} --target={coordinates}"
 
 
 def run_argument(name: str) -> str:

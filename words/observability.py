@@ -475,24 +475,6 @@ def rank_facts(facts: Identifiability) -> list[tuple[str, str]]:
     return [*rows, ("Observability indices", text)] if text else rows
 
 
-def advice_sentence(check: Check) -> str | None:
-    """The change of one posture that helps most, unless it is the remedy of a direction already."""
-    advice = check.advice
-    if advice is None or any(map(advice.is_that, check.identifiability.null_space)):
-        return None
-    what = "as one more measurement" if advice.add else "in its place"
-    after = numbers.spread(advice.worst_std_after, advice.unit)
-    gain = f"every offset is then determined, the largest predicted standard uncertainty is {after}"
-    if advice.worst_std_before is not None:
-        before = numbers.spread(advice.worst_std_before, advice.unit)
-        gain = f"the largest predicted standard uncertainty falls from {before} to {after}"
-    return (
-        f"The single change that helps most: posture {advice.posture} with joint {advice.joint} rotated"
-        f" by {numbers.exact(advice.change_deg, advice.unit)}"
-        f"{' and aimed anew' if check.aimed.problem.tool.beam else ''}, {what}: {gain}."
-    )
-
-
 def over_target_sentence(check: Check) -> str | None:
     """What becomes of a plan if the target is not at its nominal place, by the offsets that it determines."""
     over = check.over_target
@@ -514,12 +496,12 @@ def over_target_sentence(check: Check) -> str | None:
 
 
 def outlook_lines(check: Check) -> list[str]:
-    """Which errors a run of the plan detects, the change of one posture that helps most unless it is a
-    direction's remedy already, and the plan with the target elsewhere."""
+    """Which errors a run of the plan detects, and the plan with the target elsewhere."""
     lines = power_sentences(check.power)
     if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
         lines.append(f"A pass of such a run holds if {subject_to}.")
-    return [*lines, *filter(None, [advice_sentence(check), over_target_sentence(check)])]
+    over_target = over_target_sentence(check)
+    return lines if over_target is None else [*lines, over_target]
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:

@@ -80,12 +80,17 @@ def _change_postures(first: Violation, check: Check) -> str:
     )
 
 
-def _made_anew(first: Violation, check: Check) -> str | None:
-    """The command that plans as many measurements by the plan's header; None for several instruments."""
+def planned_anew(check: Check) -> str | None:
+    """The command that plans by the plan's header, without options; None for several instruments."""
     if len(check.aimed.plan.header.labels) > 1:
         return None
-    plan = shlex.quote(check.inputs.plan)
-    return f"zerobeam plan optimal --header {plan} --shots {len(check.postures)} -o new-plan.yaml"
+    return f"zerobeam plan optimal --header {shlex.quote(check.inputs.plan)}"
+
+
+def _made_anew(first: Violation, check: Check) -> str | None:
+    """The command that plans as many measurements."""
+    command = planned_anew(check)
+    return None if command is None else f"{command} --shots {len(check.postures)} -o new-plan.yaml"
 
 
 def _assumed_in(check: Check) -> Iterator[tuple[Assumption, ...]]:

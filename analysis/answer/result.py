@@ -31,6 +31,7 @@ from ..misfit import Misfit
 from ..observability.basis import Basis
 from ..observability.geometry_result import GeometryResult
 from ..observability.identifiability import Identifiability
+from ..observability.outlook import Outlook
 from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
@@ -204,6 +205,8 @@ class Result:
         misfit.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
+    outlook : Outlook or None
+        What would make the answer better: remedies by their predicted gain; None of a misfit.
     taken_as_known : tuple of Basis
         What the header states of tool, instruments and links, and what is assumed of them.
 
@@ -368,6 +371,10 @@ class Result:
             "whether the header states it or it is assumed"
         ),
     ] = ()
+    outlook: Annotated[
+        Outlook | None,
+        it("what would make it better: remedies by their predicted gain; null of a misfit"),
+    ] = None
     notes: Annotated[tuple[str, ...] | None, it("findings in sentences, the gravest first")] = None
     next_steps: Annotated[
         NextSteps | None,
@@ -429,6 +436,9 @@ class Result:
             unknown & {row.name for row in self.posterior.parameters or () if row.source == "data"},
             "a posterior from the data",
         )
+        if self.outlook is not None:
+            with_u = {name for name, u in self.outlook.now.U.items() if u is not None}
+            self._refuse(unknown & with_u, "an uncertainty in its outlook")
         if self.robust is not None:
             self._refuse(
                 unknown & {row.name for row in self.robust.parameters if row.estimate is not None},

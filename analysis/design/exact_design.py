@@ -98,7 +98,7 @@ def design(
     if criterion == "E" and len(counts) == 1:
         promising = np.argsort(-ideal.gain[near], kind="stable")[:_PAIRED]
         rows = _exchange_two(few, best[:_PAIRED_STARTS], promising, rng)
-    value, rows = _exchange(candidates, near[rows], criterion)
+    value, rows = exchange(candidates, near[rows], criterion)
     support = int((ideal.weights > 1e-4).sum())
     return Design(criterion, np.sort(rows), value, min(ideal.bound, value), support, ideal.converged)
 
@@ -107,8 +107,8 @@ def _exchanged(start: Exchange) -> Ended:
     candidates, rows, criterion = start
     if criterion == "E":
         # The largest eigenvalue has kinks in which exchanges get stuck: a smooth mean comes first.
-        _, rows = _exchange(candidates, rows, "soft")
-    return _exchange(candidates, rows, criterion)
+        _, rows = exchange(candidates, rows, "soft")
+    return exchange(candidates, rows, criterion)
 
 
 def _start(
@@ -129,7 +129,7 @@ def _start(
     return np.concatenate(chosen)
 
 
-def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[float, Index]:
+def exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[float, Index]:
     """Replace one measurement at a time with the best candidate until no exchange helps (Fedorov 1972)."""
     rows = rows.copy()
     value = variance(offset_covariance(candidates, candidates.information(rows)), criterion)
@@ -144,7 +144,7 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
         some = _promising(candidates, others, alike, covariance, value, criterion)
         if not len(some):
             continue
-        values = _values_with(candidates.some(some), information, covariance, criterion)
+        values = values_with(candidates.some(some), information, covariance, criterion)
         best = int(np.argmin(values))
         if values[best] < value * (1 - _STEP):
             rows[k], value, unchanged = some[best], float(values[best]), 0
@@ -183,7 +183,7 @@ def _exchange_two(
     return min(ends, key=lambda end: end[0])[1]
 
 
-def _values_with(
+def values_with(
     candidates: Candidates, information: Matrix, covariance: Matrix, criterion: Measure
 ) -> Matrix:
     """(C,) the criterion after adding each candidate to the information (rank-d updates); `covariance` is

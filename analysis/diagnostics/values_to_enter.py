@@ -28,26 +28,22 @@ from ...model.arrays import Matrix
 from ...model.files.header import StatedRequirement
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
-from ..recordings.recordings import drawn_by_covariance
 from ..solution import Solution
 from ..status import known
 from ..tcp_positions import (
+    FITTED,
     arm_covariance,
+    arms_at_random,
     default_point,
+    fitted_points,
+    front_postures,
     moving_by_nominal,
-    spread_postures,
+    normal_inverse,
     tool_point,
     undetermined_offsets,
-    within_limits,
 )
 
-_POSTURES = 256
-_FITTED = 128  # of them: the first are spread as evenly as all
-_DRAWS = 200  # of the posterior
 _STEPS = 2  # Gauss-Newton from the estimates: what is left is below a micrometre
-_FRONT = float(np.radians(90.0))
-_BESIDE = 100.0  # mm: the points beside the TCP
-_SAME = 1e-10  # of the largest: a direction of offsets that moves no point stays as estimated
 MOST_WORSE = 0.05  # probability of a less accurate robot with which values are entered without a word
 _CONFORMS = 0.95  # JCGM 106, 8.3.3: the guard band of a 5 % risk
 
@@ -231,11 +227,9 @@ class _Fitted:
 
     def _fit(self, solution: Solution, x: Matrix, places: list[int], at: list[int], out: list[int]) -> None:
         problem = self.problem
-        joints = _front(problem)[:_FITTED]
+        joints = front_postures(problem)[:FITTED]
         tcp = tcp_of(solution)
-        beside = [tcp + _BESIDE * np.array(axis) for axis in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))]
-        points = np.repeat([np.zeros(3), tcp, *beside], len(joints), axis=0)
-        joints = np.tile(joints, (2 + len(beside), 1))
+        points, joints = fitted_points(tcp, joints)
         position, by_arm = tool_point(problem, x, points, joints)
         arm = np.zeros(problem.parameters.arm.stop)
         arm[places] = x[places]
@@ -244,9 +238,7 @@ class _Fitted:
         for _ in range(_STEPS):
             entered_at, jacobian = problem.functions.kernel("placed")(joints, arm, points)
             columns = jacobian[:, :, places].reshape(-1, len(places))
-            inverse = np.asarray(
-                np.linalg.pinv(columns.T @ columns, rcond=_SAME, hermitian=True), dtype=float
-            )
+            inverse = normal_inverse(columns)
             arm[places] += inverse @ (columns.T @ (position - entered_at).reshape(-1))
         self.offsets[at] = arm[places]
         by_arm = by_arm.reshape(-1, len(arm)).copy()
@@ -273,7 +265,7 @@ class TcpSpread:
 
     def __init__(self, solution: Solution) -> None:
         self.solution, self.problem = solution, solution.problem
-        self.joints, self.point = _front(self.problem), tcp_of(solution)
+        self.joints, self.point = front_postures(self.problem), tcp_of(solution)
         self.position, self.jacobian = tool_point(self.problem, solution.fit.x, self.point, self.joints)
 
     @property
@@ -294,10 +286,8 @@ class TcpSpread:
         """(3, draws, P) mm by which the TCPs of arms at random from the posterior are off that of the mean
         arm."""
         problem, solution = self.problem, self.solution
-        rng = np.random.default_rng(2014)
-        drawn = drawn_by_covariance(arm_covariance(problem, solution.fit.covariance), _DRAWS, rng)
-        if problem.noise.estimated and solution.dof:
-            drawn *= np.sqrt(solution.dof / rng.chisquare(solution.dof, size=(_DRAWS, 1)))
+        dof = solution.dof if problem.noise.estimated and solution.dof else None
+        drawn = arms_at_random(arm_covariance(problem, solution.fit.covariance), dof)
         return np.array([drawn @ self.jacobian[:, k].T for k in range(3)])
 
     def errors(self, arm: Matrix) -> Matrix:
@@ -328,16 +318,6 @@ def _whole_values(solution: Solution) -> tuple[dict[str, float], dict[str, float
         if known(row.status) and (row.group == "offset" or row.name.startswith("link"))
     ]
     return {row.name: row.estimate or 0.0 for row in rows}, {row.name: row.std or 0.0 for row in rows}
-
-
-def _front(problem: Problem) -> Matrix:
-    """(P, n) postures within the limits, joint 1 within 90 degrees of the middle of its range."""
-    robot = problem.robot
-    lower, upper = robot.lower.copy(), robot.upper.copy()
-    if robot.joints[0].kind == "revolute":
-        middle = (lower[0] + upper[0]) / 2
-        lower[0], upper[0] = max(lower[0], middle - _FRONT), min(upper[0], middle + _FRONT)
-    return within_limits(robot, spread_postures(lower, upper, _POSTURES))
 
 
 def _tcp_error(errors: Matrix) -> TcpError:

@@ -7,7 +7,7 @@ measurements that hit, so identifiability is judged there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +15,8 @@ import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.plan import Plan
+from ...model.instruments.kind import Target, TargetEntry
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
 
@@ -140,6 +142,35 @@ def brought(problem: Problem, x: Matrix, goals: Matrix) -> tuple[Problem, Mask]:
     return problem.moved(turned.joints), turned.last < HIT_MM
 
 
+def brought_to_targets(
+    problem: Problem, x: Matrix, entries: Mapping[str, TargetEntry], rng: np.random.Generator
+) -> tuple[Problem, Mask]:
+    """Shots from any joints, brought to where their instrument can measure at the parameters x (p,), and (N,)
+    which of them got there; `entries` are what a header says of targets. A beam is turned by the wrist alone,
+    a tip is brought there by all joints, what reads wherever the arm stands stays."""
+    tool, targets = problem.tool, problem.split(x).targets
+    joints, reached = problem.joints.copy(), np.ones(problem.shots, dtype=bool)
+    for k in np.unique(problem.target_index).tolist():
+        rows, entry = np.flatnonzero(problem.target_index == k), entries.get(problem.targets[k])
+        goals = tool.goals(rng, len(rows), Target(targets[k], entry))
+        if goals is not None:
+            there, reached[rows] = brought(problem.select(rows), x, goals)
+            joints[rows] = there.joints
+    problem = problem.moved(joints)
+    if not tool.met:
+        return problem, reached
+    aimed = aim(problem, x, servo_joints(problem))
+    return aimed.problem, aimed.hit & reached
+
+
+def one_turn(robot: Robot, lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
+    """(n,) bounds to draw postures from: one turn of each joint that can do more, the one nearest to zero."""
+    turn = np.array([np.pi if joint.kind == "revolute" else np.inf for joint in robot.joints])
+    half = np.minimum((upper - lower) / 2, turn)
+    middle = np.clip(0.0, lower + half, upper - half)
+    return middle - half, middle + half
+
+
 class _Turned(NamedTuple):
     """`joints` (N, n) turned; how large what was left (N,) was at `first`, and is at `last`."""
 
@@ -216,8 +247,12 @@ def to_meet(problem: Problem, x: Matrix, joints: Matrix, rows: Index | slice) ->
 
 def ahead(problem: Problem, x: Matrix) -> Mask:
     """(N,) whether each shot's target lies before the laser; True where no beam reads."""
+    return np.asarray(~((beam_lengths(problem, x)[0] < 0) & problem.by_beam))
+
+
+def beam_lengths(problem: Problem, x: Matrix) -> tuple[Matrix, Matrix]:
+    """(N,) mm along each beam to the point nearest to its target, and (N, 3) the beams' directions."""
     origin, direction = problem.beams(x)
     targets = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1]))).targets
     targets_of_shots = targets[np.arange(problem.shots), problem.target_index]
-    behind = ((targets_of_shots - origin) * direction).sum(axis=1) < 0
-    return np.asarray(~(behind & problem.by_beam))
+    return np.asarray(((targets_of_shots - origin) * direction).sum(axis=1)), direction

@@ -24,9 +24,9 @@ from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, Tried, cause_for
 from .geometry_result import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
+from .outlook import Outlook, Prospect, Prospects, of_run_or_plan
 from .power import DetectionPower, powers
 from .predictions import (
-    Advice,
     CurvePoint,
     OverTarget,
     curve,
@@ -215,9 +215,10 @@ class Check:
     postures : tuple of CheckedPosture
         How far each posture's beam is off its target before the wrist is turned, mm, and what the posture
         breaks of the plan's constraints.
-    curve, over_target, advice
-        The largest u by number of measurements; u over where the target may be; the single change that helps
-        most.
+    curve, over_target
+        The largest u by number of measurements; u over where the target may be.
+    outlook : Outlook or None
+        Remedies by their predicted gain; None where they were not asked for.
     findings, warnings : tuple
         Findings and warnings, to be read with the verdict.
     inputs : PlanInputs
@@ -287,20 +288,13 @@ class Check:
             "std are nearest to the root mean squares over 256"
         ),
     ]
-    advice: Annotated[
-        Advice | None,
-        it(
-            "the single change of the plan that lowers the largest std most: change `posture` (from "
-            "0) in `joint` (from 1) by `change_deg` (mm if prismatic; `unit`) and aim it again, as "
-            "one more measurement (`add` true) or in its place; `worst_std_before` (null where an "
-            "offset is not determined), `worst_std_after`. Null where the verdict is `pass` or no "
-            "single change helps much"
-        ),
-    ]
     findings: Annotated[tuple[PlanFinding, ...], internal]
     warnings: Annotated[tuple[str, ...], internal]
     inputs: Annotated[PlanInputs, it("`plan`, `sha256`, `robot`, `versions`")]
     aimed: Annotated[AimedPlan, internal] = field(compare=False, repr=False)
+    outlook: Annotated[Outlook | None, it("what would make it better: remedies by their predicted gain")] = (
+        field(default=None, kw_only=True)
+    )
     headline: Annotated[str | None, worded("the same in a sentence")] = field(default=None, kw_only=True)
     notes: Annotated[tuple[str, ...] | None, worded("findings in sentences, violations first")] = field(
         default=None, kw_only=True
@@ -320,13 +314,18 @@ class Check:
 
     @classmethod
     def of(
-        cls, turned: AimedPlan, violations: tuple[Violation, ...] = (), allowed: Allowed | None = None
+        cls,
+        turned: AimedPlan,
+        violations: tuple[Violation, ...] = (),
+        allowed: Allowed | None = None,
+        prospects: Prospects | None = None,
     ) -> Self:
         """Judge a plan with the wrist turned onto the target, as the servo will turn it.
 
         `violations` are what the plan breaks of its constraints (`experiments.plans.constraints.violations`
-        finds them), `allowed` says which other aimed shots keep to them. Needs no compiler and no sampling:
-        everything follows from the exact Jacobian at the nominal values before any shot.
+        finds them), `allowed` says which other aimed shots keep to them. With `prospects` it has an outlook.
+        Needs no compiler and no sampling: everything follows from the exact Jacobian at the nominal values
+        before any shot.
         """
         plan, problem, x, aimed = turned.plan, turned.problem, turned.x, turned.aimed
         with one_blas_thread():
@@ -346,8 +345,21 @@ class Check:
             search = RemedySearch(
                 shots, x, identified.status, np.sqrt(np.diag(covariance)), taken.tolist(), allowed=allowed
             )
-            better = None if observable == "pass" else search.advice()
             facts = replace(identified.facts, null_space=search.with_remedies(identified.facts.null_space))
+            outlook = None
+            if prospects is not None:
+                outlook = of_run_or_plan(
+                    Prospect(
+                        header=plan.header,
+                        problem=judged,
+                        x=at,
+                        status=identified.status,
+                        rests_on=identified.rests_on,
+                        covariance=covariance,
+                        estimated=False,
+                        prospects=prospects,
+                    )
+                )
         std = parameters.unscaled(np.sqrt(np.diag(covariance)))
         share = parameters.unscaled(tolerance_share(judged, covariance)) / parameters.prior_std
         rows = []
@@ -386,7 +398,7 @@ class Check:
             ),
             curve=promised,
             over_target=elsewhere,
-            advice=better,
+            outlook=outlook,
             findings=tuple(_findings(plan, aimed)),
             warnings=plan.warnings,
             inputs=PlanInputs(plan.path.name, plan.sha256, plan.robot.name, versions()),

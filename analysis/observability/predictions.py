@@ -1,4 +1,4 @@
-"""Predictions for a plan: with fewer measurements, with targets and mounts elsewhere, with one change."""
+"""Predictions for a plan: with fewer measurements, with targets and mounts elsewhere."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from ...model.arrays import Matrix
 from ...model.files.header import Header
 from ...model.likelihood.problem import Problem, Whitened
 from .aim import aim, servo_joints
-from .causes import NullDirection
 
 _DRAWS, _MOUNTS, _TYPICAL = 16, 64, 256  # of targets; of mounts too, whose lever decides more; for their mean
 GUESSED = {"mm": 50.0, "deg": float(np.radians(30.0))}  # std of where something is that is only guessed
@@ -40,34 +39,6 @@ class OverTarget:
     hit: float
     worst_std: dict[str, float]
     mounts: bool = False
-
-
-@dataclass(frozen=True)
-class Advice:
-    """The single change that lowers the worst predicted std (deg; mm) of the offsets most.
-
-    Posture `posture` is turned by `change_deg` (in `unit`: mm for a prismatic joint) in joint `joint`
-    (from 1) and aimed anew; `add` says whether as one more shot or in its place. `worst_std_before` is None
-    where an offset is not determined without it.
-    """
-
-    posture: int
-    joint: int
-    change_deg: float
-    unit: str
-    add: bool
-    worst_std_before: float | None
-    worst_std_after: float
-
-    def is_that(self, direction: NullDirection) -> bool:
-        """Whether it is the remedy of a direction."""
-        tried, how = direction.tried, "add" if self.add else "replace"
-        return tried is not None and (tried.how, tried.postures, tried.joint, tried.amount) == (
-            how,
-            (self.posture,),
-            self.joint,
-            self.change_deg,
-        )
 
 
 def predicted_std(problem: Problem, x: Matrix) -> Matrix:
@@ -162,6 +133,17 @@ def besides(problem: Problem, whitened: Whitened) -> Matrix:
     rows = problem.shots * problem.tool.residual_size
     jacobian = whitened.jacobian[rows:, problem.parameters.free]
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
+
+
+def roots_with_ties(problem: Problem, whitened: Whitened) -> Matrix:
+    """(N, d, f) the roots of the shots, by coordinates in which prior and ties together are a unit prior.
+    Ties are of targets alone, so that the offsets remain as they are."""
+    roots = problem.roots(whitened)
+    tied = whitened.jacobian[roots.shape[0] * roots.shape[1] :, problem.parameters.free]
+    if not len(tied):
+        return roots
+    lower = np.linalg.cholesky(np.eye(tied.shape[1]) + tied.T @ tied)
+    return np.asarray(np.linalg.solve(lower, roots.transpose(0, 2, 1)).transpose(0, 2, 1))
 
 
 def _offset_stds(problem: Problem, information: Matrix) -> tuple[list[str], Matrix]:

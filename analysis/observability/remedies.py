@@ -36,7 +36,7 @@ from .causes import (
     WithinTolerances,
     worst_direction,
 )
-from .predictions import Advice, besides
+from .predictions import besides
 
 Allowed = Callable[[Problem], Mask]  # of aimed shots (N,), which of them the constraints of a plan allow
 
@@ -101,25 +101,6 @@ class RemedySearch:
         """The directions, each with the remedy that does most for what it leaves poorly determined."""
         with one_blas_thread():
             return tuple(replace(each, tried=self._for(each, null_space)) for each in null_space)
-
-    def advice(self) -> Advice | None:
-        """The change of one posture that lowers the worst std of the offsets most; None where none does
-        much."""
-        offsets = self._offsets
-        with one_blas_thread():
-            trial = self._best(self._singles, offsets) if len(offsets) else None
-        if trial is None or trial.joint is None:
-            return None
-        before, after = (float((std * self._shown)[offsets].max()) for std in (self.std, trial.std))
-        return Advice(
-            posture=int(self.numbers[trial.postures[0]]),
-            joint=trial.joint,
-            change_deg=trial.amount,
-            unit=self._unit_of(trial.joint),
-            add=trial.how == "add",
-            worst_std_before=before if self._determined[offsets].all() else None,
-            worst_std_after=after,
-        )
 
     def _for(self, direction: NullDirection, null_space: Sequence[NullDirection]) -> Tried | None:
         trials: list[_Trial] = []

@@ -31,6 +31,7 @@ import scipy
 from ...model.arrays import NORMAL_95, Index, Mask, Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from ...model.records import it, key, record
+from ..draws import root_of
 from ..estimation.fit import LikelihoodFit
 
 _NOTHING = 1e-18  # a correlation below rounding
@@ -209,22 +210,11 @@ def drawn(recording: Recording, rho: float, shared: Matrix, count: int, rng: np.
     errors = rng.normal(size=(n, count, d))
     errors[1:] *= np.sqrt(1 - rho**2)
     errors = _decaying(errors, rho).transpose(1, 0, 2) * recording.active
-    others = _root(shared - recording.jacobian.T @ times_errors(recording, rho))
+    others = root_of(shared - recording.jacobian.T @ times_errors(recording, rho))
     along = (
         rng.normal(size=(count, len(others))) @ others.T - errors.reshape(count, n * d) @ recording.jacobian
     )
     return errors + (along @ recording.jacobian.T).reshape(count, n, d)
-
-
-def drawn_by_covariance(covariance: Matrix, count: int, rng: np.random.Generator) -> Matrix:
-    """(count, m) normal at random with that covariance (m, m)."""
-    root = _root(covariance)
-    return rng.normal(size=(count, len(root))) @ root.T
-
-
-def _root(covariance: Matrix) -> Matrix:
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @record

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.records import it, record, worded
+from ..draws import drawn_by_covariance
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..status import LACK_OF_FIT
@@ -28,7 +29,6 @@ from .recordings import (
     correlation,
     covariance,
     drawn,
-    drawn_by_covariance,
     equalised,
     lags,
     recordings,

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...analysis.observability.aim import ahead, aim, brought, servo_joints
+from ...analysis.observability.aim import ahead, brought_to_targets, one_turn
 from ...analysis.observability.check import Condition
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.plan_file import Obstacles
-from ...model.instruments.kind import Measurement, Target
+from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.problem import Problem
@@ -142,7 +142,7 @@ def candidates(
         kind = header.instrument
         planned = Planned(header.labels[0], target=header.only_target if kind.target_kinds() else None)
     lower, upper = view.limits(robot)
-    lowest, highest = _one_turn(robot, lower, upper)
+    lowest, highest = one_turn(robot, lower, upper)
     rng = np.random.default_rng(seed)
     measured = [[Measurement(*planned, {})]] * _BATCH
     untied = header.model_copy(update={"distances": (), "angles": ()})  # the others are not measured here
@@ -165,7 +165,7 @@ def candidates(
             before = ahead(turnable, x)
             turnable = turnable.select(np.flatnonzero(before))
             removed[_REASONS["behind"]] += int((~before).sum())
-        aimed, reached = _brought(header, turnable, x, rng)
+        aimed, reached = brought_to_targets(turnable, x, header.targets, rng)
         conditions = Conditions(aimed, x, view, clearance, header.targets)
         if sample is None:
             some = aimed.select(np.flatnonzero(reached)[:_SAMPLE])
@@ -181,19 +181,6 @@ def candidates(
         removed["are more than asked for"] = left_count - count
     alone = None if left_count >= count or sample is None else _alone(sample)
     return CandidatePostures(np.concatenate(kept)[:count], planned, drawn, removed, alone)
-
-
-def _brought(header: Header, problem: Problem, x: Matrix, rng: np.random.Generator) -> tuple[Problem, Mask]:
-    """The postures brought to where the instrument can measure, and (N,) which of them got there."""
-    tool, numbers = problem.tool, problem.split(x).targets[0]
-    reached = np.ones(problem.shots, dtype=bool)
-    goals = tool.goals(rng, problem.shots, Target(numbers, header.targets.get(problem.targets[0])))
-    if goals is not None:
-        problem, reached = brought(problem, x, goals)
-    if tool.met:
-        aimed = aim(problem, x, servo_joints(problem))
-        return aimed.problem, aimed.hit & reached
-    return problem, reached
 
 
 def _fit(conditions: Conditions, hit: Mask, removed: Counter[str]) -> Matrix:
@@ -242,11 +229,3 @@ def _check(view: View, count: int) -> None:
             found=f"{np.degrees(view.acceptance):g} deg",
             allowed="above 0 and up to 90 deg",
         )
-
-
-def _one_turn(robot: Robot, lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
-    """(n,) bounds to draw from: one turn of each joint that can do more, the one nearest to zero."""
-    turn = np.array([np.pi if joint.kind == "revolute" else np.inf for joint in robot.joints])
-    half = np.minimum((upper - lower) / 2, turn)
-    middle = np.clip(0.0, lower + half, upper - half)
-    return middle - half, middle + half

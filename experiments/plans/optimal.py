@@ -14,13 +14,19 @@ from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
-from ...analysis.observability.predictions import CurvePoint, mounted_spread, predicted_std, typical
+from ...analysis.observability.predictions import (
+    CurvePoint,
+    mounted_spread,
+    predicted_std,
+    roots_with_ties,
+    typical,
+)
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.problem import Problem, Whitened
+from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ...words.observability import power_limit
 from ..processes import on_cluster
@@ -130,7 +136,7 @@ class Planner:
         free = parameters.free
         whitened = self._problem.whiten(self._x)
         self._factor = whitened.factor
-        roots = self._with_ties(whitened)
+        roots = roots_with_ties(self._problem, whitened)
         self._offsets = [item for item in parameters.items if item.group == "offset" and not item.held]
         if not self._offsets:
             raise BadInput("there is nothing to plan for: every offset is held", remedy="free some in `held`")
@@ -153,14 +159,6 @@ class Planner:
         self._unnoticed = tuple(
             each for each in powers(several, self._x, identify(several, self._x)) if each.harmful
         )
-
-    def _with_ties(self, whitened: Whitened) -> Matrix:
-        """(C, d, f) the roots of the candidates, by coordinates in which prior and ties together are a unit
-        prior. Ties are of targets alone, so that the offsets remain as they are."""
-        roots = self._problem.roots(whitened)
-        tied = whitened.jacobian[roots.shape[0] * roots.shape[1] :, self._problem.parameters.free]
-        lower = np.linalg.cholesky(np.eye(tied.shape[1]) + tied.T @ tied)
-        return np.asarray(np.linalg.solve(lower, roots.transpose(0, 2, 1)).transpose(0, 2, 1))
 
     def optimal(
         self,

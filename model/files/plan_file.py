@@ -108,6 +108,13 @@ class StatedConstraints(FileModel):
 
 
 UNCONSTRAINED = StatedConstraints()
+# Of an optimal plan where nothing else is stated: a detector that faces up, beams that can be seen.
+USUAL = StatedConstraints(
+    facing=(0.0, 0.0, 1.0),
+    acceptance_deg=DEFAULT_ACCEPTANCE_DEG,
+    beam_mm=(200.0, 2000.0),
+    margin_deg=5.0,
+)
 
 
 class StatedPosture(FileModel):

@@ -12,9 +12,10 @@ from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import check_lines, worth_sentence
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
-from ...words.plan_catalogue import plan_headline, plan_message
+from ...words.plan_catalogue import plan_headline, plan_message, planned_anew
 from ...words.plan_words import check_notes
 from ...words.wording import label, person, sentence
+from ..run.outlook_section import outlook_blocks
 from ..run.parameter_section import worth_column
 from ..run.unobservable import direction_words
 from ..style.blocks import (
@@ -50,6 +51,7 @@ def check_page(check: Check) -> Page:
         check,
         *_what_to_do(check),
         predicted_table(check, (row for row in check.parameters if not row.tolerated)),
+        *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=True),
         *map(Paragraph, check_lines(check)),
         Directions([direction_words(each) for each in check.identifiability.null_space]),
         *map(Paragraph, [*outlook_lines(check), *([aimed] if off > 0.05 else [])]),
@@ -68,6 +70,7 @@ def proposal_page(made: MadePlan) -> Page:
     return _page(
         check,
         predicted_table(check, offsets),
+        *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=True),
         *map(Paragraph, [*([] if worth is None else [worth]), *sentences]),
     )
 

@@ -22,9 +22,12 @@ from ...model.files.whole_file import refuse_existing, write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
 from ...words.observability import outlook_lines, rank_facts
+from ...words.outlook_words import TITLE
+from ...words.plan_catalogue import planned_anew
 from ...words.plan_words import check_notes
 from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..output.html import Turnable, html
+from ..run.outlook_section import outlook_blocks
 from ..run.parameter_section import legend, reasons
 from ..run.unobservable import direction_words, tolerance_only
 from ..scenes.scene import Placed, Posed, Scene3D, axes_of, floor_of
@@ -170,6 +173,7 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
                 predicted_table(check, others),
                 Legend(legend((row.status for row in others), header), reasons(others)),
             ),
+            *_outlook(check),
             section_of(
                 "What is not observable",
                 Paragraph(" ".join(text for text in undetermined if text)),
@@ -193,6 +197,11 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
             ),
         ],
     )
+
+
+def _outlook(check: Check) -> list[Section]:
+    blocks = outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=False)
+    return [section_of(TITLE, *blocks)] if blocks else []
 
 
 def _copies(lines: list[str]) -> list[Section]:

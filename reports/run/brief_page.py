@@ -27,6 +27,7 @@ from ..style.blocks import (
 from .fit_section import diagnosis_section, hold_out_section, intervals_section, robust_section
 from .geometry_section import geometry_lines
 from .next_steps_section import next_steps_section
+from .outlook_section import outlook_section
 from .parameter_section import (
     errors_sentence,
     offsets_table,
@@ -68,6 +69,7 @@ def brief_page(result: Result) -> Page:
         section_of("", offsets_table(result), *_paragraphs(worth, *geometry_lines(result)), *details),
         rehearsal_section(result),
         next_steps_section(result),
+        outlook_section(result, brief=True),
         None if wrong or not directions.items else section_of("What cannot be determined", directions),
         section_of(
             "Fit",

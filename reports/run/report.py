@@ -25,6 +25,7 @@ from .fit_section import (
 from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
 from .next_steps_section import next_steps_section
+from .outlook_section import outlook_section
 from .parameter_section import offsets_picture, offsets_section, rehearsal_section
 from .placement_section import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
@@ -45,6 +46,7 @@ def report_page(result: Result) -> Page:
         diagnosis_section(result),
         offsets_section(result),
         next_steps_section(result),
+        outlook_section(result),
         rehearsal_section(result),
         None if wrong else unobservable_section(result.parameters, result.identifiability),
         None if wrong else workspace_section(result),

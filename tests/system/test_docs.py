@@ -224,12 +224,14 @@ def properties(schema: Any) -> Iterator[str]:
 
 # Objects whose keys are names: of parameters, packages, indices, or the user's own.
 OPEN = {
+    "U",
     "at_half",
     "at_twice",
     "combination",
     "consider",
     "header",
     "observability",
+    "state",
     "u",
     "values",
     "versions",

@@ -106,7 +106,8 @@ def of_offsets(verdict: Verdict, *findings: Any, **status: Status) -> Result:
         else replace(row, **none | {"status": "held", "cause": Held("header"), "estimate": 0.0})
         for row in analysed().result.parameters
     ]
-    gone = {"without_prior": None, "intervals": (), "budget": (), "scene": None, "entered": None}
+    gone: dict[str, Any] = dict.fromkeys(("without_prior", "scene", "entered", "outlook"))
+    gone |= {"intervals": (), "budget": ()}
     posterior = replace(analysed().result.posterior, parameters=None)
     kind = type(analysed().result.parameters)
     return passed(*findings, verdict=verdict, parameters=kind(rows), posterior=posterior, **gone)

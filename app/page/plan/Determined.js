@@ -30,7 +30,7 @@ export function Determined() {
   const found = answer.value;
   if (wrong.value !== null && found === null) return html`<p class="error" role="alert">Not checked: ${wrong.value.text}</p>`;
   if (found === null) return html`<p class="muted" role="status">The plan is being checked.</p>`;
-  const { worth, lines, advice, over_target } = found.said, tolerated = new Set(found.said.tolerated);
+  const { worth, lines, over_target, outlook } = found.said, tolerated = new Set(found.said.tolerated);
   const directions = found.identifiability.null_space.map((/** @type {any} */ one, /** @type {number} */ i) => ({ one, i }))
     .filter((/** @type {any} */ { one }) => !Object.keys(one.combination).every((name) => tolerated.has(name)));
   return html`
@@ -41,7 +41,10 @@ export function Determined() {
           <tr key=${row.name} class=${row.status} data-of=${row.name} title=${row.reason ? sentence(row.reason) : null}>
             <th scope="row">${named(row.name)}</th><td class="right u">${predicted(row)}</td><td class="right">${worth.of[row.name] ?? ""}</td><td class="status">${marked(row.status)}</td><td class="right">${alone(row)}</td><td class="right">${spread(row.prior_std, row.unit)}</td>
           </tr>`)}</tbody></table></div>
-      <ul class="lines">${[...lines, advice, over_target].filter(Boolean).map((line) => html`<li>${line}</li>`)}</ul>
+      ${outlook.length > 0 && html`<div class="scroll" tabindex="0" role="region" aria-label=${outlook[0][0]}><table>
+        <thead><tr>${outlook[0].map((/** @type {string} */ head, /** @type {number} */ i) => html`<th scope="col" class=${i ? "right" : ""}>${head}</th>`)}</tr></thead>
+        <tbody>${outlook.slice(1).map((/** @type {string[]} */ row) => html`<tr key=${row[0]}><th scope="row">${row[0]}</th>${row.slice(1).map((cell) => html`<td class="right">${cell}</td>`)}</tr>`)}</tbody></table></div>`}
+      <ul class="lines">${[...lines, over_target].filter(Boolean).map((line) => html`<li>${line}</li>`)}</ul>
       <ul class="notes">${[...found.notes, ...(found.warnings ?? [])].map((note) => html`<li>${sentence(note)}</li>`)}</ul>
       ${directions.length > 0 && html`<h2>What cannot be determined</h2>`}
       ${directions.map((/** @type {any} */ { one, i }) => html`

@@ -31,7 +31,8 @@ from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameter_section import worth_column
 from ....words.geometry_words import check_lines
 from ....words.message import message as message_of
-from ....words.observability import advice_sentence, over_target_sentence
+from ....words.observability import over_target_sentence
+from ....words.outlook_words import HEADS, TITLE, shown_remedies
 from ....words.plan_words import violation_words
 from ..folder import Folder
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
@@ -127,8 +128,8 @@ class CheckRemarks:
     worth: WorthColumn
     tolerated: Annotated[list[str], it("parameters with tolerances, of geometry and tool")]
     lines: Annotated[list[str], it("on the geometry")]
-    advice: str | None
     over_target: str | None
+    outlook: Annotated[list[list[str]], it("rows of what would make it better, the head first")]
 
 
 @record(kw_only=True, eq=False)
@@ -339,9 +340,17 @@ def _remarks(checked: Check) -> CheckRemarks:
         worth=WorthColumn(head=head, of={row.name: of(row) for row in offsets}),
         tolerated=[row.name for row in checked.parameters if row.tolerated],
         lines=list(check_lines(checked)),
-        advice=advice_sentence(checked),
         over_target=over_target_sentence(checked),
+        outlook=_outlook(checked),
     )
+
+
+def _outlook(checked: Check) -> list[list[str]]:
+    if checked.outlook is None:
+        return []
+    rows = shown_remedies(checked.outlook, {row.name: row.unit for row in checked.parameters})
+    cells = [[row.remedy, row.largest, row.tcp_median, row.tcp_95, row.minutes] for row in rows]
+    return [[TITLE, "largest U", *HEADS], *cells] if cells else []
 
 
 def _plan_of(folder: Folder, content: Content, path: Path) -> Plan:

@@ -204,7 +204,7 @@ def test_gains_are_slopes(criterion):
 def values_with(candidates, start, criterion):
     information = candidates.information(start)
     covariance = np.linalg.inv(information)
-    return module._values_with(candidates, information, covariance, criterion)
+    return module.values_with(candidates, information, covariance, criterion)
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])

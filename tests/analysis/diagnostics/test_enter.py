@@ -83,7 +83,7 @@ def test_the_region_of_the_fit_is_large_enough(
         return float((spread.errors(controller_arm(solution.problem, values)) ** 2).mean())
 
     values = values_to_enter(solution)
-    monkeypatch.setattr("zerobeam.analysis.diagnostics.values_to_enter._FITTED", 256)
+    monkeypatch.setattr("zerobeam.analysis.diagnostics.values_to_enter.FITTED", 256)
     more = values_to_enter(solution)
     assert values != more
     assert cost(values) == pytest.approx(cost(more), rel=1e-3)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from cells import LASER, PROBE, header, irb1600
 
+from zerobeam.analysis.observability.aim import one_turn
 from zerobeam.experiments.plans import candidates as module
-from zerobeam.experiments.plans.candidates import View, _one_turn, candidates
+from zerobeam.experiments.plans.candidates import View, candidates
 from zerobeam.experiments.plans.obstacles import Box, Clearance, Obstacles
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.likelihood.problem import Problem
@@ -172,7 +173,7 @@ def test_one_turn_nearest_to_zero_is_drawn_from():
     lower, upper = np.radians([-395.0, -90, 200, -700]), np.radians([395.0, 120, 300, -100])
     robot = irb1600()
     four = type(robot)("four", robot.joints[:4], robot.flange)
-    low, high = _one_turn(four, lower, upper)
+    low, high = one_turn(four, lower, upper)
     np.testing.assert_allclose(np.degrees(low), [-180, -90, 200, -460])
     np.testing.assert_allclose(np.degrees(high), [180, 120, 300, -100])
 

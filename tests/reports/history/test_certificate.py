@@ -334,7 +334,7 @@ def test_what_determines_no_offset_is_not_certified(tmp_path: Path, converged: b
     for row in answer["parameters"]:
         row |= {"status": "unidentifiable", "estimate": None, "std": None, "interval95": None, "held": False}
     answer["without_prior"], answer["fits"]["likelihood"]["converged"] = None, converged
-    answer |= {"intervals": [], "budget": [], "scene": None}
+    answer |= {"intervals": [], "budget": [], "scene": None, "outlook": None}
     answer["posterior"]["parameters"] = None
     own = only(kept(tmp_path, answer))
     with pytest.raises(BadInput, match="determines no offset" if converged else "did not converge"):

@@ -48,6 +48,7 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
     assert titles == [
         "Offsets",
         "What to do next",
+        "What would make it better",
         "Rehearsal: estimates and true values",
         "What cannot be determined",
         "Accuracy of the TCP",

@@ -17,7 +17,8 @@ from run_events import event_of
 from zerobeam.analysis.answer.findings import FileWarning
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import OutsideLimits, check
-from zerobeam.analysis.observability.predictions import Advice, OverTarget
+from zerobeam.analysis.observability.outlook import Outlook, OutlookRow
+from zerobeam.analysis.observability.predictions import OverTarget
 from zerobeam.experiments.procedure.events import Ended
 from zerobeam.reports.output.terminal import print_blocks, print_page, table_lines
 from zerobeam.reports.plan.check_page import check_page
@@ -49,12 +50,27 @@ def test_a_result(name: str) -> None:
     assert max(len(line) for line in text.splitlines()) <= WIDTH
 
 
+def better() -> Outlook:
+    now = OutlookRow("none", 7, {"delta2": None, "delta3": 0.0831}, None, None, None, None, 0.0, 0.0)
+    errors = (2.31, 5.62, 1.18, 2.49)
+    more = OutlookRow(
+        "more",
+        12,
+        {"delta2": 0.0312, "delta3": 0.0264},
+        *errors,
+        12.0,
+        0.99,
+        ("--shots", "12", "--facing=any"),
+    )
+    return Outlook(now, (more,), 1.0, measured=False)
+
+
 def test_a_check_that_is_degenerate_with_notes() -> None:
     to, text = console()
     found = replace(
         check(pattern_plan("x")),
         findings=(OutsideLimits(3, 5, 118.0, "deg", (-115.0, 115.0)),),
-        advice=Advice(6, 1, 30.0, "deg", True, None, 0.6308),
+        outlook=better(),
         over_target=OverTarget(16, 0.964, {"delta2": 4.99, "delta3": 0.61}),
     )
     print_page(to, check_page(found))

@@ -1,0 +1,379 @@
+"""What would make an answer better: remedies, each with the uncertainties and the TCP error that it is
+predicted to give.
+
+All is predicted by the information of the measurements, without a fit: of a plan for arms within the stated
+tolerances, of a run for the arm as its measurements have it. A new run stands for itself: the measurements of
+the first are not counted with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+
+from ...model.arrays import Index, Mask, Matrix
+from ...model.files.header import Header
+from ...model.files.plan_file import USUAL, StatedConstraints
+from ...model.instruments.kind import Assumption
+from ...model.likelihood.parameters import Parameter
+from ...model.likelihood.problem import Problem
+from ...model.records import it, key, record
+from ..estimation.threads import one_blas_thread
+from ..status import Status, known
+from .better_postures import PostureSearch
+from .predictions import roots_with_ties
+from .remedies import Allowed
+from .tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
+
+COVERAGE = 2.0  # k of every U here
+NUMBERS = (12, 20)  # of measurements that are proposed
+_MOST = 40  # measurements: with more, other postures change little
+_DETERMINED = 0.5  # of its prior: an offset of which the measurements alone leave more is not determined
+_NOTHING = 1e-6  # of a prior's information
+_CLOSER = 5.0  # times: what is measured of a mounting next to what is assumed
+WORTH = 0.1  # a relative gain from which a remedy is worth a row
+BY_HAND_MIN = 1.0  # minutes of a measurement by hand, where a run does not say what it took
+MOUNTING_MIN = 15.0  # minutes to measure the mounting of an instrument
+REPEATED = 2  # postures that are measured again
+
+Remedy = Literal["none", "postures", "more", "repeat", "mounting", "links"]
+
+
+@record
+class OutlookRow:
+    """One remedy, or the answer as it is ("none")."""
+
+    remedy: Annotated[
+        Remedy,
+        it(
+            "`none`: the answer as it is; `postures`: better ones, as many; `more`: more measurements, in the"
+            " best postures; `repeat`: the first postures again at the end; `mounting`: that of the"
+            " instrument is measured; `links`: the links are entered as well, where the controller takes them"
+        ),
+    ]
+    shots: Annotated[int, it("how many measurements there are then")]
+    U: Annotated[
+        dict[str, float | None],
+        it(
+            "by offset that measurements can improve (of `mounting` also those that rest on it), the expanded"
+            " uncertainty, k = 2, degrees or millimetres; null where it is not determined"
+        ),
+    ]
+    tcp_median_mm: Annotated[
+        float | None,
+        it(
+            "error of the TCP with the values entered, over the region of `entered`; null where it depends on"
+            " an offset that is not determined"
+        ),
+    ]
+    tcp_95_mm: Annotated[float | None, it("the same, which 95 % of region and arms stay below")]
+    links_median_mm: Annotated[
+        float | None, it("`tcp_median_mm` where the links are entered as well; null of an exact arm")
+    ]
+    links_95_mm: Annotated[float | None, it("`tcp_95_mm` likewise")]
+    minutes: Annotated[float, it("of measuring")]
+    gain: Annotated[
+        float,
+        it(
+            "by which share the largest U or `tcp_95_mm` becomes smaller, whichever more; of `mounting` the"
+            " largest U of those that rest on it"
+        ),
+    ]
+    options: Annotated[
+        tuple[str, ...], it("of the `zerobeam plan optimal` that makes the plan; empty where there is none")
+    ] = ()
+    state: Annotated[
+        dict[str, float], it("keys of the header to be measured and stated, with the uncertainty to reach")
+    ] = field(default_factory=dict)
+
+
+@record
+class Outlook:
+    """Remedies by their predicted gain."""
+
+    now: Annotated[OutlookRow, it("the answer as it is")]
+    remedies: Annotated[tuple[OutlookRow, ...], it("the largest gain first")]
+    minutes_each: Annotated[float, it("of a measurement")]
+    measured: Annotated[bool, it("whether the run says so; else 1 minute by hand is assumed")]
+    required_mm: Annotated[float | None, it("`required.tcp_mm` of the header")] = None
+
+    @property
+    @key(
+        "whether a remedy, or the answer as it is, meets what is required; null where nothing is, or no"
+        " TCP error is predicted"
+    )
+    def reachable(self) -> bool | None:
+        """By the error that 95 % stay below, with the links entered or without."""
+        errors = [each for row in (self.now, *self.remedies) for each in (row.tcp_95_mm, row.links_95_mm)]
+        known_errors = [error for error in errors if error is not None]
+        if self.required_mm is None or not known_errors:
+            return None
+        return min(known_errors) <= self.required_mm
+
+    @property
+    def worth(self) -> tuple[OutlookRow, ...]:
+        """The remedies that gain something."""
+        return tuple(row for row in self.remedies if row.gain >= WORTH)
+
+
+class Prospects(NamedTuple):
+    """What new postures are: they keep the `constraints`, and are `allowed`."""
+
+    constraints: StatedConstraints
+    allowed: Allowed
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prospect:
+    """What remedies are looked for: the aimed measurements of a `problem` at x (p,), parameters of this
+    `status` (p,) with the `covariance` (f, f) of the scaled free ones; `rests_on` by the name of an offset
+    what it rests on besides the measurements.
+
+    `estimated`: x are the estimates of a run. New postures are such as the `prospects` say. `weight` is
+    1 / noise scale², `dof` the degrees of freedom by which that is estimated.
+    """
+
+    header: Header
+    problem: Problem
+    x: Matrix
+    status: Sequence[Status]
+    rests_on: Mapping[str, tuple[Assumption, ...]]
+    covariance: Matrix
+    estimated: bool
+    prospects: Prospects
+    weight: float = 1.0
+    dof: float | None = None
+    minutes_each: float | None = None
+
+    @cached_property
+    def items(self) -> list[Parameter]:
+        """The f free parameters."""
+        return [item for item in self.problem.parameters.items if not item.held]
+
+    @cached_property
+    def roots(self) -> Matrix:
+        """(N, d, f) of the measurements as they are."""
+        whitened = self.problem.whiten(self.x)
+        return np.asarray(np.sqrt(self.weight) * roots_with_ties(self.problem, whitened))
+
+
+def of_run_or_plan(prospect: Prospect) -> Outlook | None:
+    """The remedies; None where no offset is estimated."""
+    with one_blas_thread():
+        return _Remedies(prospect).outlook()
+
+
+class _Remedies:
+    def __init__(self, prospect: Prospect) -> None:
+        self.of, self.problem = prospect, prospect.problem
+        items = prospect.items
+        self.shown = np.array([item.prior_std * item.display for item in items])
+        self.offsets = np.flatnonzero([item.group == "offset" for item in items])
+        rests_on = [prospect.rests_on.get(item.name, ()) for item in items]
+        self.resting = np.flatnonzero([bool(some) for some in rests_on])
+        # What is exact has no parameters to be judged without: what rests on it does so in any postures.
+        self.never = np.flatnonzero([any(one.std is None for one in some) for some in rests_on])
+        known_now = np.array([known(status) for status in prospect.status], dtype=np.bool_)
+        self.known_now: Mask = known_now[self.problem.parameters.free]
+        self.each = BY_HAND_MIN if prospect.minutes_each is None else prospect.minutes_each
+        self.forecast = TcpForecast(self.problem, prospect.x, prospect.status)
+        if prospect.estimated:
+            parameters = self.problem.parameters
+            mean = ((prospect.x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+            self.belief = ArmBelief(self.problem, mean, prospect.covariance, prospect.dof)
+        else:
+            self.belief = ArmBelief(self.problem, np.zeros(len(items)), np.eye(len(items)))
+
+    def outlook(self) -> Outlook | None:
+        if not len(self.offsets):
+            return None
+        now = self.now
+        rows = [*self.by_postures(), *self.by_repeating(), *self.by_mounting(), *self.by_links()]
+        rows = [row for row in rows if row.gain > 0]
+        rows.sort(key=lambda row: (row.remedy == "mounting", -round(row.gain, 2), row.minutes))
+        required = self.of.header.required
+        measured = self.of.minutes_each is not None
+        return Outlook(now, tuple(rows), self.each, measured, None if required is None else required.tcp_mm)
+
+    @cached_property
+    def better(self) -> dict[int, Matrix]:
+        """By number of measurements the roots (N, d, f) of the best postures; nothing of several instruments,
+        whose numbers are for people to divide."""
+        count, of = self.problem.shots, self.of
+        if len(of.header.labels) > 1 or count > _MOST:
+            return {}
+        search = PostureSearch(self.problem, of.x, of.header.targets, of.prospects.allowed, of.weight)
+        counts = [max(count, 2), *(each for each in NUMBERS if each > count)]
+        return {shots: chosen.roots for shots, chosen in search.best(counts).items()}
+
+    @cached_property
+    def improvable(self) -> Index:
+        """The offsets that do not rest on tool and frames, at least in other postures."""
+        rest = set(self.resting.tolist())
+        for roots in self.better.values():
+            rest -= set(np.flatnonzero(self._determined(roots)).tolist())
+        return np.array([k for k in self.offsets.tolist() if k not in rest], dtype=np.int64)
+
+    @cached_property
+    def now(self) -> OutlookRow:
+        covariance = self.of.covariance
+        if self.of.estimated:
+            estimates = EstimatesOfArms.made(self.belief)
+        else:
+            estimates = EstimatesOfArms.of_new_run(self.belief, covariance, self.of.roots)
+        return self._row("none", self.problem.shots, covariance, estimates, self.known_now, 0.0)
+
+    def by_postures(self) -> Iterator[OutlookRow]:
+        """As many measurements, and more, in the best postures."""
+        for shots, roots in self.better.items():
+            remedy: Remedy = "postures" if shots == self.problem.shots else "more"
+            options = ("--shots", str(shots), *constraint_options(self.of.prospects.constraints))
+            yield self._of_new_run(remedy, roots, options)
+
+    def by_repeating(self) -> Iterator[OutlookRow]:
+        """The first postures again at the end. What they do not determine, they do not determine again."""
+        roots = self.of.roots
+        again = np.concatenate([roots, roots[:REPEATED]])
+        yield self._of_new_run("repeat", again, (), may_be=self.known_now)
+
+    def by_mounting(self) -> Iterator[OutlookRow]:
+        """What is assumed of the instruments is measured and stated."""
+        of = self.of
+        assumed = {one for some in of.rests_on.values() for one in some if not one.stated and one.std}
+        if not assumed:
+            return
+        parts = {(one.of, one.unit) for one in assumed}
+        at = [k for k, item in enumerate(of.items) if item.assumed and (item.of, item.unit) in parts]
+        added = np.zeros(len(of.items))
+        added[at] = _CLOSER**2 - 1
+        covariance = np.linalg.inv(np.linalg.inv(of.covariance) + np.diag(added))
+        now, resting = self.now, np.isin(np.arange(len(added)), self.resting)
+        largest, before = (self._largest(each, self.resting) for each in (covariance, of.covariance))
+        yield OutlookRow(
+            remedy="mounting",
+            shots=self.problem.shots,
+            U=self._expanded(covariance, self.known_now | resting, [*self.improvable, *self.resting]),
+            tcp_median_mm=now.tcp_median_mm,
+            tcp_95_mm=now.tcp_95_mm,
+            links_median_mm=now.links_median_mm,
+            links_95_mm=now.links_95_mm,
+            minutes=MOUNTING_MIN,
+            gain=self._gain(largest, before),
+            state={one.key: float(f"{(one.std or 0.0) / _CLOSER:.2g}") for one in sorted(assumed)},
+        )
+
+    def by_links(self) -> Iterator[OutlookRow]:
+        """The whole arm is entered where the controller takes it."""
+        now = self.now
+        if now.tcp_95_mm is None or now.links_95_mm is None:
+            return
+        yield OutlookRow(
+            remedy="links",
+            shots=now.shots,
+            U=now.U,
+            tcp_median_mm=now.links_median_mm,
+            tcp_95_mm=now.links_95_mm,
+            links_median_mm=now.links_median_mm,
+            links_95_mm=now.links_95_mm,
+            minutes=0.0,
+            gain=self._gain(now.links_95_mm, now.tcp_95_mm),
+        )
+
+    def _of_new_run(
+        self, remedy: Remedy, roots: Matrix, options: tuple[str, ...], may_be: Mask | None = None
+    ) -> OutlookRow:
+        """Measurements with these roots (N, d, f), by themselves."""
+        covariance = _inverse(roots, np.ones(roots.shape[-1]))
+        determined = self._determined(roots)
+        determined = determined if may_be is None else determined & may_be
+        estimates = EstimatesOfArms.of_new_run(self.belief, covariance, roots)
+        return self._row(
+            remedy, len(roots), covariance, estimates, determined, self.each * len(roots), options
+        )
+
+    def _determined(self, roots: Matrix) -> Mask:
+        """(f,) what measurements with these roots (N, d, f) determine with nothing known but the tolerances,
+        those that are assumed of tool and frames not among them."""
+        known_to = np.array([item.tolerated and not item.assumed for item in self.of.items])
+        covariance = _inverse(roots, np.where(known_to, 1.0, _NOTHING))
+        determined = np.sqrt(np.diag(covariance)) <= _DETERMINED
+        determined[self.never] = False
+        return np.asarray(determined)
+
+    def _row(
+        self,
+        remedy: Remedy,
+        shots: int,
+        covariance: Matrix,
+        estimates: EstimatesOfArms,
+        determined: Mask,
+        minutes: float,
+        options: tuple[str, ...] = (),
+    ) -> OutlookRow:
+        tcp, links = self.forecast.errors(estimates, determined)
+        largest = self._largest(covariance, self.improvable)
+        gain = 0.0
+        if remedy != "none":
+            gain = self._gain(largest, self._largest(self.of.covariance, self.improvable))
+            before = self.now.tcp_95_mm
+            if tcp is not None and before is not None:
+                gain = max(gain, self._gain(tcp[1], before))
+        return OutlookRow(
+            remedy=remedy,
+            shots=shots,
+            U=self._expanded(covariance, determined, self.improvable.tolist()),
+            tcp_median_mm=None if tcp is None else tcp[0],
+            tcp_95_mm=None if tcp is None else tcp[1],
+            links_median_mm=None if links is None else links[0],
+            links_95_mm=None if links is None else links[1],
+            minutes=minutes,
+            gain=gain,
+            options=options,
+        )
+
+    def _expanded(
+        self, covariance: Matrix, determined: Mask, which: Sequence[int]
+    ) -> dict[str, float | None]:
+        u = COVERAGE * np.sqrt(np.diag(covariance)) * self.shown
+        return {self.of.items[k].name: float(u[k]) if determined[k] else None for k in sorted(which)}
+
+    def _largest(self, covariance: Matrix, which: Index) -> float:
+        """The largest std of some offsets, in tolerances; of what is not determined that of the prior."""
+        tolerance = np.array([item.tolerance / item.prior_std for item in self.of.items])
+        return float((np.sqrt(np.diag(covariance)) / tolerance)[which].max(initial=0.0))
+
+    @staticmethod
+    def _gain(after: float, before: float) -> float:
+        return 1 - after / before if before > 0 else 0.0
+
+
+def _inverse(roots: Matrix, prior: Matrix) -> Matrix:
+    """(f, f) the covariance of measurements with these roots (N, d, f) and a `prior` information (f,)."""
+    rows = np.vstack([roots.reshape(-1, roots.shape[-1]), np.diag(np.sqrt(prior))])
+    inverse: Matrix = np.asarray(np.linalg.inv(np.linalg.qr(rows, mode="r")), dtype=float)
+    return inverse @ inverse.T
+
+
+def constraint_options(constraints: StatedConstraints) -> tuple[str, ...]:
+    """The options of `plan optimal` by which it keeps the constraints that are not its usual ones."""
+
+    def numbers(values: Sequence[float]) -> str:
+        return ",".join(f"{value:g}" for value in values)
+
+    options: list[str] = []
+    if constraints.beam_mm is not None:  # of a beam
+        if constraints.facing is None:
+            options.append("--facing=any")
+        elif constraints.facing != USUAL.facing:
+            options.append(f"--facing={numbers(constraints.facing)}")
+        if constraints.facing is not None and constraints.acceptance != USUAL.acceptance:
+            options.append(f"--acceptance={constraints.acceptance:g}")
+        if constraints.beam_mm != USUAL.beam_mm:
+            options.append(f"--beam={numbers(constraints.beam_mm)}")
+    if constraints.margin_deg is not None and constraints.margin_deg != USUAL.margin_deg:
+        options.append(f"--margin={constraints.margin_deg:g}")
+    return tuple(options)

@@ -1,0 +1,49 @@
+"""What would make an answer better: a table of remedies with what each is predicted to give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ...analysis.answer.result import Result
+from ...analysis.observability.outlook import Outlook
+from ...words.case import RunCase
+from ...words.geometry_words import OffsetRow
+from ...words.outlook_words import (
+    HEADS,
+    TITLE,
+    best_remedies,
+    outlook_notes,
+    plan_command,
+    remedy_words,
+    shown_remedies,
+)
+from ...words.wording import person
+from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
+
+
+def outlook_blocks(
+    outlook: Outlook | None, rows: Iterable[OffsetRow], planned: str | None, *, brief: bool
+) -> list[Block]:
+    """At most three remedies if `brief`, else all, with the commands; `rows` are those of the offsets,
+    `planned` as of `plan_command`. Nothing where none gains anything."""
+    if outlook is None or not outlook.worth:
+        return []
+    shown = best_remedies(outlook) if brief else list(outlook.remedies)
+    every = [outlook.now, *shown]
+    units = {row.name: row.unit for row in rows if any(row.name in one.U for one in every)}
+    words = shown_remedies(outlook, units) if brief else [remedy_words(one, units) for one in every]
+    heads = ["largest U"] if brief else [f"U of {person(name)}" for name in units]
+    cells = [
+        row_of(one.remedy, *([one.largest] if brief else one.U), one.tcp_median, one.tcp_95, one.minutes)
+        for one in words
+    ]
+    table = table_of(f"{TITLE}: predicted, k = 2", ["", *heads, *HEADS], cells, "lr")
+    commands = [command for row in shown if (command := plan_command(planned, row)) is not None]
+    return [table, *map(Paragraph, outlook_notes(outlook)), *([Commands(commands)] if commands else [])]
+
+
+def outlook_section(result: Result, *, brief: bool = False) -> Section | None:
+    """Of a run; None where nothing gains anything, or by a model that does not describe it."""
+    planned = RunCase.of_result(result).planned
+    blocks = outlook_blocks(result.outlook, result.offsets, planned, brief=brief)
+    return section_of("" if brief else TITLE, *blocks) if blocks else None
