@@ -137,10 +137,12 @@ class TcpForecast:
         best values of the offsets `entered` (n,)."""
         parameters = self._problem.parameters
         free = parameters.free[parameters.block("offset")]
-        at = np.flatnonzero(entered[free])
-        columns = self._fitted[:, at]
+        at, out = np.flatnonzero(entered[free]), np.flatnonzero(~entered[free])
+        fitted = self._fitted.copy()
+        fitted[:, out] = 0.0  # neither the arm nor the controller has them
+        columns = fitted[:, at]
         inverse = normal_inverse(columns)
-        fit = inverse @ (columns.T @ self._fitted)
+        fit = inverse @ (columns.T @ fitted)
         fit[:, at] += np.eye(len(at)) - inverse @ (columns.T @ columns)  # what moves no point
         return np.asarray(self._by_arm - self._by_arm[:, at] @ fit)
 
