@@ -17,9 +17,9 @@ import numpy as np
 import scipy
 
 from ..model.arrays import Matrix
-from ..model.records import internal, record, worded
+from ..model.records import internal, record
 from .estimation.fit import LikelihoodFit
-from .left_over import DETERMINED_MM, EXCLUDES, Hypotheses, LeftOver
+from .left_over import DETERMINED_MM, EXCLUDES, Contradiction, Hypotheses, LeftOver
 from .recordings.recordings import by_targets
 
 _SIGNIFICANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
@@ -36,7 +36,7 @@ class ChangePoint(NamedTuple):
 
 
 @record
-class Displacement:
+class Displacement(Contradiction):
     """The most likely displacement of a run: of `target`, between two shots.
 
     `p_value` is that of one as clear anywhere in the run, by Bonferroni's bound over the change points.
@@ -63,7 +63,6 @@ class Displacement:
     better_alone: Annotated[bool, internal]
     rest_agrees: Annotated[bool, internal]
     station: Annotated[bool, internal] = False
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
     def significant(self) -> bool:

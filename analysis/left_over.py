@@ -15,17 +15,26 @@ since M r0 = r for the residuals r0 at the prior means. Nothing is fitted to kno
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Self
+from dataclasses import field
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 import scipy
 
 from ..model.arrays import Index, Matrix
+from ..model.records import record, worded
 
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
 DETERMINED_MM = 10.0  # a direction that the measurements determine no better is free
 _ROUNDING = 1e-12
+
+
+@record(kw_only=True)
+class Contradiction:
+    """A criterion by which measurements contradict the model."""
+
+    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 class Hypotheses(NamedTuple):

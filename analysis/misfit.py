@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -33,11 +33,11 @@ from ..model.arrays import Matrix
 from ..model.errors import UnsoundResult
 from ..model.likelihood.noise import COMMON
 from ..model.likelihood.problem import Problem
-from ..model.records import key, record, worded
+from ..model.records import key, record
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
-from .left_over import LeftOver
+from .left_over import Contradiction, LeftOver
 from .observability.changes import RunChange, run_change, run_change_with_links
 from .observability.geometry_result import TYPICAL_DEG, TYPICAL_MM, link_columns
 from .observability.identifiability import Identified
@@ -61,7 +61,7 @@ _OF_FACTOR: dict[str, NoiseOf] = {"joint": "joint", COMMON: "all"}
 
 
 @record
-class LackOfFit:
+class LackOfFit(Contradiction):
     """The residuals are `factor` times what the stated noise explains; `rms_mm` None where that is not at
     hand. `with_priors`: together with the scaled parameters, as no number is left over to test alone."""
 
@@ -73,7 +73,6 @@ class LackOfFit:
     rms_mm: float | None = None
     with_priors: bool = False
     geometry: Geometry = "nominal"
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
     @key("factor")
@@ -83,7 +82,7 @@ class LackOfFit:
 
 
 @record
-class ImplausibleNoise:
+class ImplausibleNoise(Contradiction):
     """An estimated noise `factor` whose 99.8 % `interval` lies beyond `plausible` times the stated noise, or
     below 1 over it: that of all readings, of the joints, or of the spot."""
 
@@ -93,19 +92,23 @@ class ImplausibleNoise:
     factor: float
     interval: tuple[float, float]
     plausible: float
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
-class FTest:
+class RatioTest:
     """`factor` is the root of the mean square that some columns explain (`rank` degrees of freedom) over the
-    mean square that is left (`dof`). The residuals are `before` and `after` times the stated noise (root mean
-    squares)."""
+    mean square that is left (`dof`)."""
 
     factor: float
     rank: int
     dof: int
     p_value: float
+
+
+@dataclass(frozen=True)
+class FTest(RatioTest):
+    """The residuals are `before` and `after` times the stated noise (root mean squares)."""
+
     before: float
     after: float
 
@@ -115,11 +118,10 @@ class FTest:
 
 
 @record
-class NominalContradicted(FTest):
+class NominalContradicted(Contradiction, FTest):
     """Links within typical tolerances explain what nominal geometry leaves."""
 
     kind: Literal["nominal_geometry"] = field(default="nominal_geometry", kw_only=True)
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -143,32 +145,25 @@ class OffPrior:
 
 
 @record
-class BeyondPrior:
+class BeyondPrior(Contradiction):
     """Parameters whose estimates are beyond `limit` prior stds."""
 
     kind: Literal["prior"] = field(default="prior", kw_only=True)
 
     parameters: tuple[OffPrior, ...]
     limit: float = BEYOND_PRIOR
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 @record
-class PlacementsDisagree:
-    """Offsets of their own for each placement would fit so much better: `factor` is the root of the mean
-    square that they explain (`rank` degrees of freedom) over the mean square left within the placements
-    (`dof`); `most` is the placement whose own offsets explain most."""
+class PlacementsDisagree(Contradiction, RatioTest):
+    """Offsets of their own for each placement would fit so much better: they are the columns, and the rest is
+    left within the placements; `most` is the placement whose own offsets explain most."""
 
     kind: Literal["placements"] = field(default="placements", kw_only=True)
 
     placements: tuple[str, ...]
     most: str
-    factor: float
-    rank: int
-    dof: int
-    p_value: float
     geometry: Geometry = "nominal"
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 Criterion = (
@@ -371,7 +366,7 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
         most = groups[int(np.argmax(by_one))].name
         names = tuple(group.name for group in groups)
         figures = (explained.factor, explained.rank, explained.dof, explained.p_value)
-        yield PlacementsDisagree(names, most, *figures, _geometry(problem))
+        yield PlacementsDisagree(*figures, names, most, _geometry(problem))
 
 
 def _geometry(problem: Problem) -> Geometry:

@@ -11,7 +11,7 @@ the others are judged with it as it would have to be.
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -19,8 +19,9 @@ import scipy
 from ..model.arrays import Index, Matrix
 from ..model.likelihood.geometry import ANGLES, BENDING
 from ..model.likelihood.parameters import Parameter
-from ..model.records import key, record, worded
+from ..model.records import key, record
 from .estimation.fit import LikelihoodFit
+from .left_over import Contradiction
 from .status import LACK_OF_FIT
 
 _DETERMINED = 0.1  # of a prior variance: directions of which the data say less are not tested
@@ -29,7 +30,7 @@ _LARGEST = 1e4  # times the stated tolerance
 
 
 @record
-class TightPrior:
+class TightPrior(Contradiction):
     """A group of estimates against their tolerances: chi-squared `chi2` with `dof` degrees of freedom, the
     p-value by Bonferroni's bound over the groups that are tested.
 
@@ -49,7 +50,6 @@ class TightPrior:
     chi2: float
     dof: int
     p_value: float
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
     @key("needed")

@@ -15,23 +15,13 @@ from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.diagnostics.predicted_run import PredictedRun
-from ..analysis.displacement import Displacement
-from ..analysis.misfit import (
-    BeyondPrior,
-    ImplausibleNoise,
-    LackOfFit,
-    NominalContradicted,
-    PlacementsDisagree,
-)
+from ..analysis.left_over import Contradiction
 from ..analysis.observability.causes import NullDirection
-from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import Check, CheckedParameter
 from ..analysis.pendant_check.pose_check import PendantCheck
 from ..analysis.posterior.posterior import PosteriorSummary
-from ..analysis.recordings.steps import RecordingStep
 from ..analysis.repeatability.compare import ComparedRun, Comparison
 from ..analysis.solution import ParameterResult
-from ..analysis.tight_priors import TightPrior
 from ..model import records
 from . import comparison
 from .finding_words import (
@@ -49,18 +39,6 @@ from .misfit_words import criterion_sentence, explanation_sentence
 from .observability import direction_remedy, reason, reason_of
 from .pendant_check import check_sentences
 from .plan_words import check_notes
-
-_CRITERIA = (
-    LackOfFit,
-    ImplausibleNoise,
-    NominalContradicted,
-    BeyondPrior,
-    TightPrior,
-    PlacementsDisagree,
-    Displacement,
-    RecordingStep,
-    RunChange,
-)
 
 
 def _failure(run: ComparedRun) -> str | None:
@@ -83,7 +61,7 @@ WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
     ComparedRun: {"failure": _failure},
     PendantCheck: {"sentences": check_sentences},
     Check: {"headline": headline, "notes": check_notes},
-    **{kind: {"sentence": criterion_sentence} for kind in _CRITERIA},
+    Contradiction: {"sentence": criterion_sentence},
 }
 
 

@@ -116,16 +116,22 @@ class AngleResult:
 
 
 @record
-class Inputs:
-    """What the result was made from: enough to make it again."""
+class RunInputs:
+    """What was made of a run: its file with the SHA-256, its robot and number of measurements."""
 
     run: str
     sha256: str
     robot: str
     shots: int
-    targets: tuple[str, ...]
     seed: int
     versions: dict[str, str]
+
+
+@record
+class Inputs(RunInputs):
+    """What the result was made from: enough to make it again."""
+
+    targets: tuple[str, ...]
     header: dict[str, object]
     vendor: str | None = None
 

@@ -27,6 +27,7 @@ from .levenberg_marquardt import (
     NO_STEP,
     NOT_FINITE,
     TOLERANCE,
+    Ended,
     Minima,
     Quadratic,
     levenberg_marquardt,
@@ -122,7 +123,7 @@ class CompiledClimb:
         if rows and ended[0] < 0:
             raise MemoryError
         reasons = (f"no convergence in {most} iterations", NO_LOWER, NO_STEP, NOT_FINITE)
-        return Minima(v, *quadratic, iterations, ended == 1, [reasons[k] for k in ended.tolist()])
+        return Minima(iterations, ended == 1, [reasons[k] for k in ended.tolist()], v, *quadratic)
 
     def polish(
         self, minima: Minima, of: Index, most: int, end: float, flat: float, difference: float, still: float
@@ -197,7 +198,7 @@ _STILL = 3e-3  # posterior stds: after a shorter way the curvature is as it was
 
 
 @dataclass(frozen=True, eq=False)
-class Optima:
+class Optima(Ended):
     """Where the rows ended, in the coordinates v: `v` (W, f), `covariance` (W, f, f) from the curvature,
     `value` (W,) the log-posterior, `gradient` (W,) its size in posterior stds."""
 
@@ -205,9 +206,6 @@ class Optima:
     covariance: Matrix
     value: Matrix
     gradient: Matrix
-    iterations: Index
-    converged: NDArray[np.bool_]
-    reason: tuple[str, ...]
 
 
 class Climb:
@@ -280,7 +278,7 @@ class Climb:
             elif converged[row]:
                 converged[row] = False
                 reason[row] = f"the gradient stays at {length:.1e} posterior standard deviations"
-        return Optima(v, covariance, value, size, iterations, converged, tuple(reason))
+        return Optima(iterations, converged, reason, v, covariance, value, size)
 
     def _newton(self, minima: Minima, rows: Index) -> tuple[Matrix, Matrix, Matrix, Matrix, Index]:
         """Of these rows where Newton's steps end: v, covariance, value, size of the gradient, iterations."""

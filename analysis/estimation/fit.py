@@ -20,7 +20,7 @@ from ...model.likelihood.density import Density, density_of
 from ...model.likelihood.problem import Problem, Whitened
 from .climb import MOST_STEPS, Climb, compiled_climb
 from .coordinates import flange_coordinates
-from .levenberg_marquardt import Minima
+from .levenberg_marquardt import Ended, Minima
 from .noise_factors import marginal_noise
 from .threads import threads
 
@@ -36,7 +36,7 @@ _WORTH_TELLING = 12.0  # log-posterior units: a basin further down carries less 
 
 
 @dataclass(frozen=True, eq=False)
-class Fits:
+class Fits(Ended):
     """Modes and what surrounds them, one a row.
 
     `x` (W, p) internal units; `z` (W, f) the free parameters scaled by their priors; `covariance` (W, f, f)
@@ -50,19 +50,11 @@ class Fits:
     weight: Matrix
     log_posterior: Matrix
     gradient: Matrix
-    iterations: Index
-    converged: NDArray[np.bool_]
-    reason: tuple[str, ...]
 
     @property
     def std(self) -> Matrix:
         """(W, f) of the free parameters, scaled by their priors."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-
-    def of_rows(self, rows: Index) -> Fits:
-        """Those of some rows, as often as they are named."""
-        parts = {item.name: getattr(self, item.name)[rows] for item in fields(self) if item.name != "reason"}
-        return Fits(**parts, reason=tuple(self.reason[k] for k in rows.tolist()))
 
 
 class Optimum(NamedTuple):
@@ -356,15 +348,15 @@ def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
     covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1)
     weight = unbiased_weight(density, x, of)
     fits = Fits(
+        top.iterations,
+        top.converged,
+        top.reason,
         x,
         density.scaled(x),
         reweighted(density, x, covariance, weight / density.noise_weight(x, of)),
         weight,
         top.value,
         top.gradient,
-        top.iterations,
-        top.converged,
-        top.reason,
     )
     return fits if len(first) == len(start) else fits.of_rows(tops)
 
@@ -402,7 +394,7 @@ def modes(
     Fisher's information, from each start x (W, p). The `x` of the minima are parameter vectors (W, p)."""
     climb = Climb(density, of, len(start))
     minima = climb.up(climb.coordinates.from_parameters(start, climb.of), most_steps)
-    return minima._replace(x=climb.coordinates.to_parameters(minima.x, climb.of))
+    return replace(minima, x=climb.coordinates.to_parameters(minima.x, climb.of))
 
 
 def _apart(fits: Fits, a: int, b: int) -> bool:

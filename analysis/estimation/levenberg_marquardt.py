@@ -5,8 +5,9 @@ Rows are minimisations of their own (starts of one run, or runs), carried out si
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,31 +32,30 @@ class Quadratic(NamedTuple):
 QuadraticModel = Callable[[Matrix, Index], Quadratic]
 
 
-class Minima(NamedTuple):
-    """Where W minimisations ended; not converging is a value, not an exception.
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """Where W minimisations ended; not converging is a value, not an exception: `reason` says why each
+    stopped."""
 
-    `x` (W, f); `slope` (W, f) the gradient there and `curvature` (W, f, f); `reason` says why each stopped.
-    """
+    iterations: Index
+    converged: NDArray[np.bool_]
+    reason: Sequence[str]
 
+    def of_rows(self, rows: Index) -> Self:
+        """Those of some rows, as often as they are named."""
+        parts = {one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name != "reason"}
+        return replace(self, **parts, reason=[self.reason[k] for k in rows.tolist()])
+
+
+@dataclass(frozen=True, eq=False)
+class Minima(Ended):
+    """`x` (W, f) where they ended; `slope` (W, f) the gradient there and `curvature` (W, f, f)."""
+
+    reason: list[str]
     x: Matrix
     cost: Matrix
     slope: Matrix
     curvature: Matrix
-    iterations: Index
-    converged: NDArray[np.bool_]
-    reason: list[str]
-
-    def of_rows(self, rows: Index) -> Minima:
-        """Those of some rows."""
-        return Minima(
-            self.x[rows],
-            self.cost[rows],
-            self.slope[rows],
-            self.curvature[rows],
-            self.iterations[rows],
-            self.converged[rows],
-            [self.reason[k] for k in rows.tolist()],
-        )
 
     def keep(self, rows: Index, x: Matrix, cost: Matrix, slope: Matrix, curvature: Matrix) -> None:
         """Keep the state of these rows."""
@@ -94,20 +94,22 @@ def levenberg_marquardt(
     rows, size = start.shape
     first = model(start, np.arange(rows))
     result = Minima(
+        np.full(rows, max_iterations),
+        np.zeros(rows, dtype=bool),
+        [f"no convergence in {max_iterations} iterations"] * rows,
         start.copy(),
         first.cost.copy(),
         first.gradient.copy(),
         first.curvature.copy(),
-        np.full(rows, max_iterations),
-        np.zeros(rows, dtype=bool),
-        [f"no convergence in {max_iterations} iterations"] * rows,
     )
     # Unfinished rows are contiguous, so that a step of all is a few operations.
     finite = np.isfinite(result.cost)
     active = np.flatnonzero(finite)
     for row in np.flatnonzero(~finite):
         result.reason[row], result.iterations[row] = NOT_FINITE, 0
-    x, cost, slope, curvature = (part[active] for part in result[:4])
+    x, cost, slope, curvature = (
+        part[active] for part in (result.x, result.cost, result.slope, result.curvature)
+    )
     mu, nu = np.full(len(active), damping), np.full(len(active), 2.0)
     for iteration in range(max_iterations):
         if len(active) == 0:

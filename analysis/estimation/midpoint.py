@@ -23,7 +23,7 @@ from ...model.errors import UnsoundResult
 from ...model.instruments.flange_tool import FlangeTool
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record
-from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
+from .levenberg_marquardt import Ended, least_squares, levenberg_marquardt, solve_rows
 
 _PAIRS = 50_000  # of beams: all of them up to here, of more
 _SAMPLE = 20_000  # at random
@@ -62,7 +62,7 @@ class MidpointFit:
 
 
 @dataclass(frozen=True, eq=False)
-class MidpointFits:
+class MidpointFits(Ended):
     """The fits of W data sets: `x` (W, p), `cost` (W,) and the (W, g, g) covariance of the free offsets and
     tool, scaled by their priors, in the order of `free` (p,). No prior enters this fit."""
 
@@ -71,9 +71,6 @@ class MidpointFits:
     free: NDArray[np.bool_]
     cost: Matrix
     points: int
-    iterations: Index
-    converged: NDArray[np.bool_]
-    reason: Sequence[str]
 
 
 def fit_midpoint(problem: Problem) -> MidpointFit:
@@ -132,7 +129,7 @@ def _fitted(middles: _Middles, joints: Matrix, with_covariance: bool = False) ->
         covariance = _sandwich(middles, jacobian, by_shots)
     converged = minima.converged & np.isfinite(covariance).all(axis=(1, 2))
     return MidpointFits(
-        x, covariance, free, minima.cost, points.shape[1], minima.iterations, converged, minima.reason
+        minima.iterations, converged, minima.reason, x, covariance, free, minima.cost, points.shape[1]
     )
 
 

@@ -17,8 +17,8 @@ import scipy
 
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem
-from ...model.records import internal, record, worded
-from ..left_over import DETERMINED_MM, EXCLUDES, Hypotheses
+from ...model.records import internal, record
+from ..left_over import DETERMINED_MM, EXCLUDES, Contradiction, Hypotheses
 from .biases import Linearised
 from .geometry_result import with_links
 
@@ -47,7 +47,7 @@ class ChangeAt:
 
 
 @record
-class RunChange(ChangeAt):
+class RunChange(Contradiction, ChangeAt):
     """The clearest change of a run. `p_value` is that of one as clear among all that is tested;
     `elsewhere` are other joints, targets and ways that explain the residuals nearly as well (likelihood ratio
     within 20)."""
@@ -56,7 +56,6 @@ class RunChange(ChangeAt):
 
     p_value: float
     elsewhere: Annotated[tuple[ChangeAt, ...], internal]
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
 
 def change_limit(problem: Problem, rank: int = 1) -> float:

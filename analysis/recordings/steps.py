@@ -16,10 +16,11 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
-from ...model.records import it, record, worded
+from ...model.records import it, record
 from ..draws import drawn_by_covariance
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
+from ..left_over import Contradiction
 from ..status import LACK_OF_FIT
 from .recordings import (
     LARGE,
@@ -52,7 +53,7 @@ _STANDS_OUT = 2.0
 
 
 @record
-class RecordingStep(RecordedPart):
+class RecordingStep(Contradiction, RecordedPart):
     """A run of measurements of one recording that are off together, or the rest is off these by the opposite.
     Of a `station` it is the instrument that is off, relative to the base."""
 
@@ -75,7 +76,6 @@ class RecordingStep(RecordedPart):
         ),
     ]
     station: Annotated[bool, it("whether it is an instrument that stands in the world")] = False
-    sentence: Annotated[str | None, worded("in words")] = field(default=None, kw_only=True)
 
     @property
     def contradicts(self) -> bool:

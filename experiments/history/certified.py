@@ -155,16 +155,56 @@ class Prior:
 
 @record
 class Assumed:
-    """What the result rests on besides the measurements."""
+    """What a `result` rests on besides the measurements."""
 
-    geometry: AssumedGeometry
-    tool: AssumedTool | None
-    instruments: dict[str, Any]
-    noise: dict[str, Any]
-    noise_factors: tuple[NoiseFactor, ...]
-    priors: tuple[Prior, ...]
-    held: tuple[str, ...]
-    tolerance: dict[str, Any] | None
+    result: Annotated[Result, internal]
+
+    @property
+    @key("`tolerance`, null for nominal geometry, `factors` and `considered_tolerance`, as in the result")
+    def geometry(self) -> AssumedGeometry:
+        return AssumedGeometry(self.result.geometry)
+
+    @property
+    @key("null without one")
+    def tool(self) -> AssumedTool | None:
+        tool = self._header.get("tool")
+        return tool and AssumedTool(tool["kind"], tool.get("calibrated", True), tool.get("sigma"))
+
+    @property
+    @key("as in the header")
+    def instruments(self) -> dict[str, Any]:
+        return self._header.get("instruments") or {}
+
+    @property
+    @key("as in the header")
+    def noise(self) -> dict[str, Any]:
+        return self._header["noise"]  # type: ignore[no-any-return]
+
+    @property
+    @key("factors on the stated noise")
+    def noise_factors(self) -> tuple[NoiseFactor, ...]:
+        return tuple(NoiseFactor(row) for row in self.result.parameters if row.group == "noise")
+
+    @property
+    @key("standard deviations of the groups of parameters")
+    def priors(self) -> tuple[Prior, ...]:
+        free = [row for row in self.result.parameters if not row.held and row.group != "noise"]
+        rows = dict.fromkeys((row.group, row.unit, row.prior_std) for row in free if row.prior_std)
+        return tuple(Prior(*row) for row in rows)
+
+    @property
+    @key("names of the held parameters")
+    def held(self) -> tuple[str, ...]:
+        return tuple(row.name for row in self.result.parameters if row.held)
+
+    @property
+    @key("as in the header")
+    def tolerance(self) -> dict[str, Any] | None:
+        return self._header.get("tolerance")
+
+    @property
+    def _header(self) -> dict[str, Any]:
+        return self.result.inputs.header
 
 
 @record
@@ -280,21 +320,7 @@ class Certificate(CertifiedResult):
     @property
     @key("what the result rests on besides the measurements")
     def assumed(self) -> Assumed:
-        header, rows = self.result.inputs.header, self.result.parameters
-        tool: Any = header.get("tool")
-        free = [row for row in rows if not row.held and row.group != "noise"]
-        priors = dict.fromkeys((row.group, row.unit, row.prior_std) for row in free if row.prior_std)
-        plain: Any = header
-        return Assumed(
-            AssumedGeometry(self.result.geometry),
-            tool and AssumedTool(tool["kind"], tool.get("calibrated", True), tool.get("sigma")),
-            plain.get("instruments") or {},
-            plain["noise"],
-            tuple(NoiseFactor(row) for row in rows if row.group == "noise"),
-            tuple(Prior(*prior) for prior in priors),
-            tuple(row.name for row in rows if row.held),
-            plain.get("tolerance"),
-        )
+        return Assumed(self.result)
 
     @property
     @key("null: a misfit is not certified")

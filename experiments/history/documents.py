@@ -42,19 +42,15 @@ class DriftOfArms:
 
 
 @record(kw_only=True)
-class ArmDocument:
+class ArmDocument(HistoryList):
     """`arm.json`: state, drift, results and events of an arm."""
 
-    schema: Annotated[Literal["zerobeam/history-arm/1"], _KIND] = ARM_SCHEMA
-    serial: str
-    model: str
+    schema: Annotated[Literal["zerobeam/history-arm/1"], _KIND] = ARM_SCHEMA  # type: ignore[assignment]
     as_of: Annotated[str | None, it("day for which the state is stated")]
     headline: Annotated[str, it("the next calibration, in a sentence")]
     state: Annotated[str, it("`overdue`, … as above")]
     undetermined: Annotated[tuple[str, ...], it("offsets that no result determines")]
     drift: Annotated[ArmDrift, it("as in `arms` of `drift --json`")]
-    results: Annotated[tuple[StoredResult, ...], it("as of `show --json`")]
-    events: Annotated[tuple[Event, ...], it("as of `show --json`")]
 
 
 @record

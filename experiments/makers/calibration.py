@@ -17,6 +17,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 
 from ...analysis.answer.findings import OtherBasins, without_a_result
+from ...analysis.answer.result import RunInputs
 from ...analysis.covariance import Covariance
 from ...analysis.diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from ...analysis.diagnostics.values_to_enter import ValueToEnter, offsets_to_enter
@@ -287,18 +288,6 @@ class ExportedParameter:
 
 
 @record
-class ExportInputs:
-    """What an export was made from."""
-
-    run: Annotated[str, it("name of its file")]
-    sha256: Annotated[str, it("of the run")]
-    robot: Annotated[str, it("its name")]
-    shots: Annotated[int, it("number of measurements")]
-    versions: Annotated[dict[str, str], it("by name of the software")]
-    seed: Annotated[int, it("of the fit's starts")] = SEED
-
-
-@record
 class RobotCalibration:
     """All offsets of a robot in the order of its joints, and what they were made from.
 
@@ -328,7 +317,9 @@ class RobotCalibration:
             " products of their units"
         ),
     ]
-    inputs: Annotated[ExportInputs, it("what it was made from")]
+    inputs: Annotated[
+        RunInputs, it("what it was made from: `run`, `sha256`, `robot`, `shots`, `seed`, `versions`")
+    ]
     misfit: Annotated[bool, internal]
     warnings: Annotated[tuple[str, ...], internal]
     remarks: Annotated[tuple[str, ...], internal] = ()
@@ -472,7 +463,7 @@ def calibration(
             (rms_without(solution, ()), rms_without(solution, gone, offsets)),
             solution.parameters,
             solution.covariance,
-            ExportInputs(run.path.name, run.sha256, run.robot.name, solution.problem.shots, versions()),
+            RunInputs(run.path.name, run.sha256, run.robot.name, solution.problem.shots, SEED, versions()),
             solution.misfit is not None,
             (
                 *_simulated(run),

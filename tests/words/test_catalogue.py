@@ -177,7 +177,7 @@ OF_RUNS: dict[type | str, Callable[[], Result]] = {
     LackOfFit: lambda: wrong(LACK),
     ImplausibleNoise: lambda: wrong(ImplausibleNoise("all", 9.0, (5.0, 20.0), 3.0)),
     BeyondPrior: lambda: wrong(BeyondPrior((OffPrior("delta2", 5.0),))),
-    PlacementsDisagree: lambda: wrong(PlacementsDisagree(("a", "b"), "a", 3.0, 2, 8, 1e-6)),
+    PlacementsDisagree: lambda: wrong(PlacementsDisagree(3.0, 2, 8, 1e-6, ("a", "b"), "a")),
     RunChange: lambda: wrong(RunChange("jump", 2, None, 3, 4, 0.3, 0.01, "deg", 1e-6, ())),
     OtherBasins: lambda: passed(OtherBasins(2)),
     ExactDoubted: lambda: passed(ExactDoubted(0.005, 0.4, 0.5, 0.05)),
