@@ -27,8 +27,8 @@ from .levenberg_marquardt import (
     NO_STEP,
     NOT_FINITE,
     TOLERANCE,
-    Ended,
     Minima,
+    Minimised,
     Quadratic,
     levenberg_marquardt,
 )
@@ -198,7 +198,7 @@ _STILL = 3e-3  # posterior stds: after a shorter way the curvature is as it was
 
 
 @dataclass(frozen=True, eq=False)
-class Optima(Ended):
+class Optima(Minimised):
     """Where the rows ended, in the coordinates v: `v` (W, f), `covariance` (W, f, f) from the curvature,
     `value` (W,) the log-posterior, `gradient` (W,) its size in posterior stds."""
 

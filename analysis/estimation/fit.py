@@ -20,7 +20,7 @@ from ...model.likelihood.density import Density, density_of
 from ...model.likelihood.problem import Problem, Whitened
 from .climb import MOST_STEPS, Climb, compiled_climb
 from .coordinates import flange_coordinates
-from .levenberg_marquardt import Ended, Minima
+from .levenberg_marquardt import Minima, Minimised
 from .noise_factors import marginal_noise
 from .threads import threads
 
@@ -36,7 +36,7 @@ _WORTH_TELLING = 12.0  # log-posterior units: a basin further down carries less 
 
 
 @dataclass(frozen=True, eq=False)
-class Fits(Ended):
+class Fits(Minimised):
     """Modes and what surrounds them, one a row.
 
     `x` (W, p) internal units; `z` (W, f) the free parameters scaled by their priors; `covariance` (W, f, f)

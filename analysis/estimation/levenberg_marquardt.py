@@ -33,7 +33,7 @@ QuadraticModel = Callable[[Matrix, Index], Quadratic]
 
 
 @dataclass(frozen=True, eq=False)
-class Ended:
+class Minimised:
     """Where W minimisations ended; not converging is a value, not an exception: `reason` says why each
     stopped."""
 
@@ -48,7 +48,7 @@ class Ended:
 
 
 @dataclass(frozen=True, eq=False)
-class Minima(Ended):
+class Minima(Minimised):
     """`x` (W, f) where they ended; `slope` (W, f) the gradient there and `curvature` (W, f, f)."""
 
     reason: list[str]

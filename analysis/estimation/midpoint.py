@@ -23,7 +23,7 @@ from ...model.errors import UnsoundResult
 from ...model.instruments.flange_tool import FlangeTool
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record
-from .levenberg_marquardt import Ended, least_squares, levenberg_marquardt, solve_rows
+from .levenberg_marquardt import Minimised, least_squares, levenberg_marquardt, solve_rows
 
 _PAIRS = 50_000  # of beams: all of them up to here, of more
 _SAMPLE = 20_000  # at random
@@ -62,7 +62,7 @@ class MidpointFit:
 
 
 @dataclass(frozen=True, eq=False)
-class MidpointFits(Ended):
+class MidpointFits(Minimised):
     """The fits of W data sets: `x` (W, p), `cost` (W,) and the (W, g, g) covariance of the free offsets and
     tool, scaled by their priors, in the order of `free` (p,). No prior enters this fit."""
 
