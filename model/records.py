@@ -80,6 +80,20 @@ class inline(_Internal):
         self.names = {name: name for name in kept} | names
 
 
+class only:
+    """Marks a key whose value is a record, or several, of which the document has the keys `names` alone."""
+
+    def __init__(self, *names: str) -> None:
+        self.names = names
+
+    def of(self, value: Any) -> Any:
+        """These keys of a record, or of each."""
+        if value is None or isinstance(value, tuple | list):
+            return value and [self.of(item) for item in value]
+        kind = _kind(cast(Any, type(value)))
+        return {one.name: _shown(value, kind, one, _NO_WORDS) for one in keys(kind) if one.name in self.names}
+
+
 class _OrNull:
     """See `or_null`."""
 
@@ -288,6 +302,8 @@ def _shown(value: object, kind: type, one: Key, words: Words) -> object:
     for mark in one.marks:
         if isinstance(mark, PlainSerializer):
             return mark.func(shown)  # type: ignore[call-arg]
+        if isinstance(mark, only):
+            return mark.of(shown)
     if or_null in one.marks:
         return shown or None
     if not one.worded or shown is not None or not words:  # without words a record says what it has

@@ -12,15 +12,14 @@ from ...analysis.acceptance.measured_error import MeasuredError
 from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.covariance import OffsetsWithoutPrior
-from ...analysis.diagnostics.values_to_enter import Conformity, TcpError
-from ...analysis.misfit import Misfit
+from ...analysis.diagnostics.values_to_enter import TcpError
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.posterior.intervals import Intervals
 from ...analysis.row import ParameterRow
 from ...analysis.solution import ParameterResult
 from ...analysis.status import known, versions
 from ...model.errors import BadInput
-from ...model.records import if_any, inline, internal, it, key, record, to_json
+from ...model.records import if_any, inline, internal, it, key, only, record, to_json
 from ...words.message import read_message
 from ...words.provenance import (
     CERTIFICATE_KEYS,
@@ -36,6 +35,7 @@ from .content import StoredResult
 from .signing import ALGORITHM
 
 CERTIFICATE_SCHEMA: Final = "zerobeam/certificate/1"
+_OF_FIT = only("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message", "rms_deg")
 _DIGITS = 16  # hexadecimal, of an identification
 
 
@@ -88,24 +88,10 @@ class CertifiedOffset(ParameterRow):
 
 
 @record
-class CertifiedInterval:
-    """The 95 % interval of an offset that differs from method to method."""
-
-    of: Annotated[Intervals, inline("name", "unit", "linear", "profile", "posterior")]
-
-
-@record
 class ErrorAtTcp:
     """The error of the TCP."""
 
     tcp: Annotated[TcpError | None, it("null where it is not known")]
-
-
-@record
-class CertifiedError:
-    """The error measured before and after."""
-
-    of: Annotated[MeasuredError, inline("before", "after", "noise_mm")]
 
 
 @record
@@ -115,17 +101,10 @@ class AsLeft:
     test: Annotated[
         Verified, inline("verdict", "measurements", "dof", "p_value", "false_alarm", "power_required")
     ]
-    error_mm: CertifiedError
+    error_mm: Annotated[MeasuredError, only("before", "after", "noise_mm")]
     run: str
     sha256: str
     measured_on: str | None
-
-
-@record
-class AssumedGeometry:
-    """What is assumed of the links."""
-
-    of: Annotated[GeometryResult, inline("tolerance", "factors", "considered_tolerance")]
 
 
 @record
@@ -135,13 +114,6 @@ class AssumedTool:
     kind: str
     calibrated: bool
     sigma: dict[str, Any] | None
-
-
-@record
-class NoiseFactor:
-    """A factor on the stated noise."""
-
-    of: Annotated[ParameterResult, inline("name", "status", "estimate", "std")]
 
 
 @record
@@ -160,9 +132,11 @@ class Assumed:
     result: Annotated[Result, internal]
 
     @property
-    @key("`tolerance`, null for nominal geometry, `factors` and `considered_tolerance`, as in the result")
-    def geometry(self) -> AssumedGeometry:
-        return AssumedGeometry(self.result.geometry)
+    @key("as in the result")
+    def geometry(
+        self,
+    ) -> Annotated[GeometryResult, only("tolerance", "factors", "considered_tolerance")]:
+        return self.result.geometry
 
     @property
     @key("null without one")
@@ -182,8 +156,10 @@ class Assumed:
 
     @property
     @key("factors on the stated noise")
-    def noise_factors(self) -> tuple[NoiseFactor, ...]:
-        return tuple(NoiseFactor(row) for row in self.result.parameters if row.group == "noise")
+    def noise_factors(
+        self,
+    ) -> Annotated[tuple[ParameterResult, ...], only("name", "status", "estimate", "std")]:
+        return tuple(row for row in self.result.parameters if row.group == "noise")
 
     @property
     @key("standard deviations of the groups of parameters")
@@ -205,16 +181,6 @@ class Assumed:
     @property
     def _header(self) -> dict[str, Any]:
         return self.result.inputs.header
-
-
-@record
-class CertifiedFit:
-    """The fit."""
-
-    of: Annotated[
-        LikelihoodSummary,
-        inline("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message", "rms_deg"),
-    ]
 
 
 @record
@@ -245,7 +211,7 @@ class Certificate(CertifiedResult):
     issued: str
     offsets: tuple[CertifiedOffset, ...]
     k: Annotated[float, internal]
-    result: Annotated[Result, internal]
+    result: Annotated[Result, inline("headline", "conformity", "misfit", "notes")]
     acceptance: Annotated[Verified | None, internal]
     fingerprint: Annotated[str, internal]
 
@@ -258,11 +224,6 @@ class Certificate(CertifiedResult):
     @key("whether the provenance says that the run was simulated")
     def simulated(self) -> bool:
         return is_simulated(self._provenance)
-
-    @property
-    @key("as in the result")
-    def headline(self) -> str | None:
-        return self.result.headline
 
     @property
     @key("of the expanded uncertainties")
@@ -289,10 +250,11 @@ class Certificate(CertifiedResult):
 
     @property
     @key("of the offsets whose 95 % interval differs from method to method")
-    def intervals(self) -> tuple[CertifiedInterval, ...]:
+    def intervals(
+        self,
+    ) -> Annotated[tuple[Intervals, ...], only("name", "unit", "linear", "profile", "posterior")]:
         offsets = {row.name for row in self.offsets}
-        rows = (row for row in self.result.intervals if row.name in offsets and row.differ)
-        return tuple(map(CertifiedInterval, rows))
+        return tuple(row for row in self.result.intervals if row.name in offsets and row.differ)
 
     @property
     @key("before the calibration")
@@ -310,12 +272,7 @@ class Certificate(CertifiedResult):
         if (test := self.acceptance) is None:
             return None
         when = provenance_entry(by_plain_key(test.run.provenance), KEYS[DATE]) or None
-        return AsLeft(test, CertifiedError(test.measured), test.run.file, test.run.sha256, when)
-
-    @property
-    @key("as in the result; null where nothing is required")
-    def conformity(self) -> Conformity | None:
-        return self.result.conformity
+        return AsLeft(test, test.measured, test.run.file, test.run.sha256, when)
 
     @property
     @key("what the result rests on besides the measurements")
@@ -323,19 +280,9 @@ class Certificate(CertifiedResult):
         return Assumed(self.result)
 
     @property
-    @key("null: a misfit is not certified")
-    def misfit(self) -> Misfit | None:
-        return self.result.misfit
-
-    @property
     @key("as in `fits.likelihood` of the result")
-    def fit(self) -> CertifiedFit:
-        return CertifiedFit(self.result.likelihood)
-
-    @property
-    @key("as in the result")
-    def notes(self) -> tuple[str, ...]:
-        return self.result.notes or ()
+    def fit(self) -> Annotated[LikelihoodSummary, _OF_FIT]:
+        return self.result.likelihood
 
     @property
     @key("that it is signed by", name="key")

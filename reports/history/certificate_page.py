@@ -75,7 +75,7 @@ def certificate_page(certificate: Certificate) -> Page:
         Verdict(
             certificate.grade or "held",
             VERDICT_WORDS[certificate.verdict],
-            _named(certificate.headline or ""),
+            _named(certificate.result.headline or ""),
         ),
         list(_notes(certificate)),
         [
@@ -105,7 +105,7 @@ def _notes(certificate: Certificate) -> Iterator[str]:
     if certificate.not_determined:
         names = listed([label(name) for name in certificate.not_determined])
         yield f"Not determined by these measurements and not certified: {names}."
-    for note in certificate.notes:
+    for note in certificate.result.notes or ():
         yield ended(_named(note))
 
 
@@ -217,7 +217,7 @@ def _traceability(certificate: Certificate) -> str:
 
 
 def _rules(certificate: Certificate) -> Iterator[str]:
-    conformity, left = certificate.conformity, certificate.as_left
+    conformity, left = certificate.result.conformity, certificate.as_left
     if conformity is None:
         yield "No requirement was stated: no statement of conformity is made."
     else:
@@ -252,7 +252,7 @@ def _offsets(certificate: Certificate) -> Iterator[Block]:
             f" k and links that deviate by {_tolerances(geometry.considered_tolerance)}."
         )
     if certificate.intervals:
-        yield _intervals(row.of for row in certificate.intervals)
+        yield _intervals(certificate.intervals)
     grouped_by: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row.reason:
@@ -369,7 +369,7 @@ def _noise(noise: Mapping[str, Any]) -> str:
 
 
 def _scale(assumed: Assumed) -> str:
-    scale, rows = assumed.noise.get("scale", "known"), [factor.of for factor in assumed.noise_factors]
+    scale, rows = assumed.noise.get("scale", "known"), assumed.noise_factors
     if scale == "known":
         return "taken as stated"
     if scale == "estimated" and not rows:

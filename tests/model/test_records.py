@@ -16,6 +16,7 @@ from zerobeam.model.records import (
     internal,
     it,
     key,
+    only,
     or_null,
     read,
     record,
@@ -53,6 +54,20 @@ class Placed:
         return self.rms_mm is not None
 
 
+@record
+class Judged(Placed):
+    """A key that is computed otherwise, and one of which the document has a part alone."""
+
+    @property
+    def measured(self) -> bool:
+        return False
+
+    @property
+    @key("of each row")
+    def stds(self) -> Annotated[tuple[Spread, ...], only("std")]:
+        return self.rows
+
+
 @record(needed=("a",), strict_keys=True)
 class Grown:
     a: int
@@ -83,6 +98,11 @@ def test_each_key_is_written_in_the_order_of_the_fields() -> None:
         *("for", "rms_mm", "std_mm", "at", "note", "rows", "late", "why", "measured")
     ]
     assert to_json(placed(spread=None))["std_mm"] is None
+
+
+def test_a_key_is_computed_otherwise_and_of_a_record_some_keys_are_written() -> None:
+    written = to_json(Judged("left", 0.5, None, None, NOON, rows=(Spread(1.0, (0.5, 2.0)),)))
+    assert (written["measured"], written["stds"]) == (False, [{"std": 1.0}])
 
 
 def test_what_is_written_is_read_back_but_for_what_is_internal() -> None:

@@ -350,7 +350,7 @@ def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
     for name in ("geometry", "separate", "uncalibrated"):
         (tmp_path / name).mkdir()
     freed = of_result(tmp_path / "geometry", example_results.geometry())
-    assert freed.assumed.geometry.of.tolerance is not None
+    assert freed.assumed.geometry.tolerance is not None
     assert {row.considered_std for row in freed.offsets} == {None}
     assert "geometry" in {row.group for row in freed.assumed.priors}
     shown = page(freed)
