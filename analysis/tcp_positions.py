@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..model.arrays import Matrix
-from ..model.kinematics.pendant import beyond_limits
-from ..model.kinematics.robot import Robot
+from ..model.files.stated_workspace import CENTRAL_RANGES
 from ..model.likelihood.problem import Problem
 from .draws import drawn_by_covariance
 from .status import Status
+from .tcp_region import region_postures
 
 TcpSource = Literal["stated point", "tool", "last axis"]
 NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
 _ON_AXIS = 1e-6  # mm
-_POSTURES, _ARMS = 256, 200
-FITTED = 128  # of them, by which values are fitted: the first are spread as evenly as all
-_FRONT = float(np.radians(90.0))
+_ARMS = 200
+FITTED = 128  # postures by which values are fitted; of a file all
+_BACKGROUND = 0.1  # weight of the central ranges beside a region that is no range itself
 _BESIDE = 100.0  # mm: the points beside the TCP
 _SAME = 1e-10  # of the largest: a direction of offsets that moves no point stays as estimated
 
@@ -80,49 +80,27 @@ def undetermined_offsets(problem: Problem, status: Sequence[Status]) -> NDArray[
     return undetermined
 
 
-def within_limits(robot: Robot, joints: Matrix) -> Matrix:
-    """Those of joints (N, n) that the arm can take: where joint 3 is counted from the ground its range
-    depends on joint 2."""
-    return joints if robot.conventions.range3 is None else joints[~beyond_limits(robot, joints).any(axis=1)]
+def fitted_points(problem: Problem, tcp: Matrix, count: int = FITTED) -> tuple[Matrix, Matrix, Matrix]:
+    """(M, 3) mm points of the flange by which values to enter are fitted, its origin, the `tcp` (3,) and four
+    beside it at each of `count` postures of the region; (M, n) the joints there; (M,) roots of the weights.
 
-
-def front_postures(problem: Problem) -> Matrix:
-    """(P, n) postures within the limits, joint 1 within 90 degrees of the middle of its range."""
-    robot = problem.robot
-    lower, upper = robot.lower.copy(), robot.upper.copy()
-    if robot.joints[0].kind == "revolute":
-        middle = (lower[0] + upper[0]) / 2
-        lower[0], upper[0] = max(lower[0], middle - _FRONT), min(upper[0], middle + _FRONT)
-    return within_limits(robot, spread_postures(lower, upper, _POSTURES))
-
-
-def fitted_points(tcp: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
-    """(6 P, 3) mm points of the flange by which values to enter are fitted at joints (P, n): its origin, the
-    `tcp` (3,) and four beside it; and (6 P, n) the joints of each."""
+    A box, and postures of a file, do not determine every value: the central ranges take part.
+    """
+    joints = region_postures(problem, count)
+    weights = np.ones(len(joints))
+    if not problem.workspace.is_range:
+        around = region_postures(replace(problem, workspace=CENTRAL_RANGES), count // 2)
+        weights = np.append(weights, np.full(len(around), _BACKGROUND * len(joints) / len(around)))
+        joints = np.concatenate([joints, around])
     beside = [tcp + _BESIDE * np.array(axis) for axis in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))]
     points = np.repeat([np.zeros(3), tcp, *beside], len(joints), axis=0)
-    return points, np.tile(joints, (2 + len(beside), 1))
+    each = 2 + len(beside)
+    return points, np.tile(joints, (each, 1)), np.tile(np.sqrt(weights), each)
 
 
 def normal_inverse(columns: Matrix) -> Matrix:
     """(k, k) of columns (M, k): the inverse of C'C, 0 along what moves no point."""
     return np.asarray(np.linalg.pinv(columns.T @ columns, rcond=_SAME, hermitian=True), dtype=float)
-
-
-def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:
-    """(count, n) evenly between `lower` and `upper` (n,): Kronecker's sequence with the powers of the root of
-    x^(n + 1) = x + 1 (Roberts 2018), which has no seed."""
-    return np.asarray(lower + _shares(len(lower), count) * (upper - lower))
-
-
-@lru_cache(maxsize=16)
-def _shares(n: int, count: int) -> Matrix:
-    """(count, n) from 0 to 1 of `spread_postures`."""
-    root = 2.0
-    for _ in range(60):
-        root = (1 + root) ** (1 / (n + 1))
-    steps = root ** -np.arange(1.0, n + 1)
-    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0)
 
 
 def default_point(problem: Problem, open_last: bool) -> tuple[Matrix, TcpSource]:

@@ -48,7 +48,7 @@ from ..model.instruments.kind import Assumption
 from . import numbers
 from .case import RunCase
 from .controllers import export_command, export_sentence, lacks_factory_calibration, taken_by
-from .enter import conformity_sentence, expected_sentence
+from .enter import beyond_offsets_sentence, conformity_sentence, expected_sentence
 from .entries import (
     About,
     FindingEntry,
@@ -290,8 +290,9 @@ def _export_command(finding: object, case: RunCase) -> str:
 
 def _expected(case: RunCase) -> Iterator[str]:
     after = None if case.result is None or case.result.entered is None else case.result.entered.tcp_after
-    if case.conformity is not None and after is not None:
-        yield expected_sentence(case.conformity, after)
+    if case.conformity is not None and case.result is not None and after is not None:
+        yield expected_sentence(case.conformity, after, case.result.region)
+        yield from some(beyond_offsets_sentence(case.result))
 
 
 def _conditions(case: RunCase) -> Iterable[str]:

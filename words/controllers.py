@@ -6,6 +6,7 @@ together.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 Takes = Literal["offsets", "programs", "model"]
@@ -19,6 +20,9 @@ _FILES = {
     "yaskawa": ("export yaskawa", "home-position.txt"),
 }
 _MODEL = ("export robot", "corrected.yaml")
+# What takes links too: a file for ROS, a URDF, or a robot file with its Denavit-Hartenberg rows (RoboDK).
+_LINKS = {"universal-robots": ("export ur-calibration", "calibration.yaml")}
+_URDF = ("export urdf", "corrected.urdf")
 _PROGRAMS = ("denso", "doosan", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")
 _MODEL_ALONE = ("franka",)
 
@@ -54,6 +58,11 @@ def taken_by(vendor: str | None) -> Takes:
 def export_command(vendor: str | None) -> tuple[str, str]:
     """What writes an answer for a robot of this vendor, and the file's name."""
     return _FILES.get(vendor or "", _MODEL)
+
+
+def links_command(vendor: str | None, robot: object) -> tuple[str, str]:
+    """What writes the links too, by the vendor and what a header says of the robot, and the file's name."""
+    return _LINKS.get(vendor or "", _URDF if isinstance(robot, Mapping) else _MODEL)
 
 
 def export_sentence(vendor: str | None) -> str:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.values_to_enter import Conformity, TcpError
+from ..analysis.tcp_region import TcpRegion
 from . import numbers
-from .controllers import taken_by
+from .case import run_argument
+from .controllers import links_command, taken_by
+from .region_words import region_first, region_words
 
 WHY_THEY_DIFFER = (
     "The values are not the offsets of the arm: the controller computes with nominal links, so the values"
@@ -42,21 +45,40 @@ def enter_sentence(result: Result) -> str | None:
         else ""
     )
     return (
-        f"With the values entered the TCP is off by {_mm(after.median_mm)} instead of"
-        f" {_mm(before.median_mm)} (median of the workspace), and by less than {_mm(after.p95_mm)} instead of"
-        f" {_mm(before.p95_mm)} in 95 % of it.{doubt}"
+        f"{region_first(result.region)} the TCP is off by {_mm(after.median_mm)} instead of"
+        f" {_mm(before.median_mm)} (median) with the values entered, and by less than {_mm(after.p95_mm)}"
+        f" instead of {_mm(before.p95_mm)} in 95 % of the postures.{doubt}"
     )
 
 
-def geometry_sentence(result: Result) -> str | None:
-    """What a controller or program gains that takes links too; None where there is nothing to say."""
+def floor_sentence(result: Result) -> str | None:
+    """What offsets alone leave however well they are known; None where there is nothing to say."""
+    entered = result.entered
+    if entered is None or entered.tcp_best is None or entered.tcp_after is None:
+        return None
+    (after, _), (best, _) = error_words(entered.tcp_after), error_words(entered.tcp_best)
+    return (
+        f"Offsets alone leave {best} (median, {region_words(result.region)}) even if they are known exactly,"
+        f" since the links deviate: {after} is reached."
+    )
+
+
+def links_step(result: Result) -> tuple[str, str] | None:
+    """What a controller or program gains that takes links too, and the command that writes them; None where
+    there is nothing to say."""
     entered, whole = result.entered, result.entered_geometry
     if entered is None or whole is None or entered.tcp_after is None or whole.tcp_after is None:
         return None
     (before, _), (median, p95) = error_words(entered.tcp_after), error_words(whole.tcp_after)
-    if median == before:
+    if median == before or whole.tcp_after.median_mm > entered.tcp_after.median_mm:
         return None
-    return f"Where links can be entered too (export robot, export urdf), {median} and {p95} are left."
+    command, file = links_command(result.inputs.vendor, result.inputs.header.get("robot"))
+    text = (
+        f"{floor_sentence(result) or ''} Where the links can be entered too (ROS, RoboDK, a controller with"
+        f" absolute accuracy), {median} is left, and less than {p95} in 95 % of the postures: enter these"
+        " instead of the values above."
+    )
+    return text.strip(), f"zerobeam {command} {run_argument(result.inputs.run)} -o {file}"
 
 
 def model_sentence(result: Result) -> str | None:
@@ -66,8 +88,8 @@ def model_sentence(result: Result) -> str | None:
         return None
     (before, most), (after, least) = error_words(taken.tcp_before), error_words(taken.tcp_after)
     return (
-        f"By the corrected model or program the TCP is off by {after} instead of {before} (median of the"
-        f" workspace), and by less than {least} instead of {most} in 95 % of it."
+        f"{region_first(result.region)} the TCP is off by {after} instead of {before} (median) by the"
+        f" corrected model or program, and by less than {least} instead of {most} in 95 % of the postures."
     )
 
 
@@ -75,13 +97,15 @@ def conformity_sentence(result: Result) -> str:
     """Whether the robot meets what it must; that nothing is required, where nothing is stated."""
     if result.conformity is not None:
         takes = taken_by(result.inputs.vendor) == "offsets"
-        return _decided(result.conformity, "With the values entered" if takes else "By its offsets alone")
+        corrected = "With the values entered" if takes else "By its offsets alone"
+        return _decided(result.conformity, corrected, result.region)
     required = result.inputs.header.get("required")
     if not isinstance(required, dict):
         return NO_REQUIREMENT
+    required_mm = float(required["tcp_mm"])
     return (
-        f"Required: 95 % of the workspace within {numbers.exact(float(required['tcp_mm']), 'mm')} at the TCP."
-        " Whether the robot meets that cannot be said: the TCP is not determined."
+        f"{_required(required_mm, result.region)} Whether the robot meets that cannot be said: the TCP is not"
+        " determined."
     )
 
 
@@ -97,19 +121,38 @@ def met_words(conformity: Conformity) -> str:
     return _MET[conformity.decision].format(numbers.exact(conformity.required_mm, "mm"))
 
 
-def expected_sentence(conformity: Conformity, after: TcpError) -> str:
+def expected_sentence(conformity: Conformity, after: TcpError, region: TcpRegion | None) -> str:
     """Why it does or does not: `after` is the error with the values entered."""
     return (
-        f"With the values entered the TCP is off by less than {_mm(after.p95_mm)} in 95 % of the workspace;"
-        f" the requirement is met with {_probability(conformity.probability)}."
+        f"With the values entered the TCP is off by less than {_mm(after.p95_mm)} in 95 % of the postures"
+        f" {region_words(region)}; the requirement is met with {_probability(conformity.probability)}."
     )
 
 
-def _decided(conformity: Conformity, corrected: str) -> str:
+def beyond_offsets_sentence(result: Result) -> str | None:
+    """That no offsets meet the requirement; None where they may."""
+    entered, conformity = result.entered, result.conformity
+    if entered is None or entered.tcp_best is None or conformity is None:
+        return None
+    best = entered.tcp_best
+    if best.p95_mm <= conformity.required_mm:
+        return None
     return (
-        f"Required: 95 % of the workspace within {numbers.exact(conformity.required_mm, 'mm')} at the TCP."
-        f" {corrected} the requirement is met with {_probability(conformity.probability)}. So"
-        f" {_DECISIONS[conformity.decision]} (JCGM 106: from 95 % on it conforms, up to 5 % it does not)."
+        f"Offsets alone cannot meet it: known exactly they leave up to {_mm(best.p95_mm)} in 95 % of the"
+        " postures, since the links deviate."
+    )
+
+
+def _required(tcp_mm: float, region: TcpRegion | None) -> str:
+    within = numbers.exact(tcp_mm, "mm")
+    return f"Required at the TCP: {within} in 95 % of the postures {region_words(region)}."
+
+
+def _decided(conformity: Conformity, corrected: str, region: TcpRegion | None) -> str:
+    return (
+        f"{_required(conformity.required_mm, region)} {corrected} the requirement is met with"
+        f" {_probability(conformity.probability)}. So {_DECISIONS[conformity.decision]} (JCGM 106: from 95 %"
+        " on it conforms, up to 5 % it does not)."
     )
 
 

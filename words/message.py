@@ -32,7 +32,7 @@ from .enter import (
     WHY_THEY_DIFFER,
     conformity_sentence,
     enter_sentence,
-    geometry_sentence,
+    links_step,
     met_words,
 )
 from .entries import NONE_ESTIMATED, VERDICT_WORDS, graded, message_by, rows_of, sentences_of, worst_of
@@ -262,11 +262,12 @@ def next_steps(result: Result, content: Message) -> NextSteps:
             (f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
         )
     gain = [enter_sentence(result), conformity_sentence(result)]
+    links = links_step(result) if offsets else None
     if offsets:
-        gain.insert(1, geometry_sentence(result))
         gain.append(WHY_THEY_DIFFER if result.entered_geometry else None)
     values = _values(result, entered) if offsets else ()
-    return NextSteps(values, (first, NextStep(" ".join(filter(None, gain))), verify))
+    more = () if links is None else (NextStep(links[0], (links[1],)),)
+    return NextSteps(values, (first, *more, NextStep(" ".join(filter(None, gain))), verify))
 
 
 def _alone(result: Result) -> tuple[NextStep, ...]:

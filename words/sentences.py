@@ -22,6 +22,7 @@ from ..analysis.pendant_check.pose_check import PendantCheck
 from ..analysis.posterior.posterior import PosteriorSummary
 from ..analysis.repeatability.compare import ComparedRun, Comparison
 from ..analysis.solution import ParameterResult
+from ..analysis.tcp_region import TcpRegion
 from ..model import records
 from . import comparison
 from .finding_words import (
@@ -39,6 +40,7 @@ from .misfit_words import criterion_sentence, explanation_sentence
 from .observability import direction_remedy, reason, reason_of
 from .pendant_check import check_sentences
 from .plan_words import check_notes
+from .region_words import region_words
 
 
 def _failure(run: ComparedRun) -> str | None:
@@ -53,6 +55,7 @@ WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
     LikelihoodSummary: {"message": likelihood_message},
     PosteriorSummary: {"message": posterior_message},
     TcpAccuracy: {"place": tcp_words, "reason": accuracy_reason},
+    TcpRegion: {"name": region_words},
     Robust: {"message": robust_message},
     HoldOut: {"message": hold_out_message},
     PredictedRun: {"message": predicted_run_message},

@@ -37,6 +37,7 @@ from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterResult, ParameterTable
 from ..status import UNVALIDATED, Verdict, as_grave, has_numbers, verdict_of
+from ..tcp_region import TcpRegion
 from .answer_message import Message
 from .findings import Finding
 
@@ -298,7 +299,7 @@ class Result:
         ),
     ] = ()
     accuracy: Annotated[
-        TcpAccuracy, it("of the TCP over the workspace, with nothing and with the values of `enter` entered")
+        TcpAccuracy, it("of the TCP over the region, with nothing and with the values of `enter` entered")
     ]
     budget: Annotated[
         tuple[Budget, ...],
@@ -357,9 +358,17 @@ class Result:
         Conformity | None,
         it(
             "null without `required` in the header, or without `enter`: `required_mm`, `tcp_95_mm` "
-            "(what 95 % of the workspace stays below with the values of `enter`, the middle of its "
+            "(what 95 % of the region stays below with the values of `enter`, the middle of its "
             "posterior), `probability` (that it is within the requirement), `decision` (`conforms`, "
             "`does not conform`, `undecided`), `rule`"
+        ),
+    ] = None
+    region: Annotated[
+        TcpRegion | None,
+        it(
+            "the region of every error of the TCP in this document (`workspace` of the header): "
+            "`joints` (`central`, `full`; null of a file's postures), `box_mm`, `positions`, `postures` "
+            "(of the file), `name` (in words)"
         ),
     ] = None
     power: Annotated[

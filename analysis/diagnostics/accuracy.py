@@ -1,10 +1,10 @@
-"""The accuracy of the TCP over the workspace: before the calibration, and after it.
+"""The accuracy of the TCP over the region of the header: before the calibration, and after it.
 
 The TCP T(q) is a point of the flange, in the base frame **that joint 1's own encoder defines**: the
 offset of joint 1 never enters it, so neither does the gauge of section 3.3, be delta1 held or free.
 
 - *Before*: the error of the arm with nothing entered, |N(q; 0) - T(q; theta)| at the estimate of the whole
-  arm (offsets, links, gravity, harmonics), with the std of it.
+  arm (offsets, links, gravity, harmonics), with the std of it, and the radius that holds 95 % of it.
 - *After*: with the values entered that `enter` computes for a controller with nominal geometry. What these
   leave at the estimate, T(q; theta) - N(q; c), is systematic; T is wrong by J times the error of the
   estimate, J exact, so that its covariance is J C J' (JCGM 102). Given are the radius that holds 95 % and the
@@ -30,6 +30,7 @@ import numpy as np
 
 from ...model.arrays import Index, Matrix
 from ...model.errors import UnsoundResult
+from ...model.kinematics.spread import spread_postures, within_limits
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
 from ..error_radius import radius95, radius95_about
@@ -41,17 +42,16 @@ from ..tcp_positions import (
     default_point,
     moving_by_nominal,
     moving_offsets,
-    spread_postures,
     tool_point,
     undetermined_offsets,
-    within_limits,
 )
+from ..tcp_region import region_postures
 from .values_to_enter import controller_arm, values_to_enter
 
 Grid = tuple[tuple[float | None, ...], ...]
 Counts = tuple[tuple[int, ...], ...]
 
-_POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
+_POSTURES = 4096  # of the region; of those within the shots' ranges a quarter
 _CELLS = 20  # along the longer side of a map, at most
 
 
@@ -64,11 +64,11 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Region:
+class RegionAccuracy:
     """Accuracy over so many `postures`.
 
     `before_mm` is the error without offsets, `before_std_mm` its std at those very two postures (the largest
-    of several with that error); after the
+    of several with that error), `before95_mm` the radius that holds it with 95 %; after the
     calibration, `after95_mm` is the radius that holds the error with 95 %, `after_rms_mm` the expected error.
     """
 
@@ -77,6 +77,7 @@ class Region:
     before_std_mm: Level
     after95_mm: Level
     after_rms_mm: Level
+    before95_mm: Level | None = None  # earlier versions have none
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class LevelMap:
 
 @dataclass(frozen=True)
 class Map:
-    """The workspace in square cells of `cell_mm`, rows from below, the lowest corner at `corner_mm`.
+    """The region in square cells of `cell_mm`, rows from below, the lowest corner at `corner_mm`.
 
     `vertical`: distance from axis 1 against height along it (of a prismatic joint 1: the base's z axis).
     `horizontal`: x against y of the base frame. `axes` names both, the one across first. `postures` and
@@ -104,34 +105,35 @@ class Map:
     shots: Counts
     before_mm: LevelMap
     after95_mm: LevelMap
+    before95_mm: LevelMap | None = None  # earlier versions have none
 
 
 @record
 class TcpAccuracy:
-    """The TCP's accuracy over the workspace; outside the ranges near the shots all is extrapolation. What it
+    """The TCP's accuracy over the region; outside the ranges near the shots all is extrapolation. What it
     would depend on beside what is determined is in `undetermined`."""
 
     point_mm: Annotated[tuple[float, float, float], it("the TCP in the flange frame, millimetres")]
     source: Annotated[TcpSource, internal]
     workspace: Annotated[
-        Region | None,
+        RegionAccuracy | None,
         it(
-            "over the limits of the joints: `postures`, and each as `median` and `worst` `before_mm` "
-            "(error with nothing entered), `before_std_mm` (its std at those two postures), "
-            "`after95_mm` (radius that contains the error with 95 % probability once the values of "
+            "over the region (`region`): `postures`, and each as `median` and `worst` `before_mm` "
+            "(error with nothing entered), `before_std_mm` (its std at those two postures), `before95_mm` "
+            "(radius that contains it with 95 % probability), `after95_mm` (the same once the values of "
             "`enter` are entered), `after_rms_mm` (expected error); null where no accuracy is claimed"
         ),
     ]
     near_shots: Annotated[
-        Region | None, it("the same over the ranges that the joints of the measurements span")
+        RegionAccuracy | None, it("the same over the ranges that the joints of the measurements span")
     ]
     maps: Annotated[
         tuple[Map, ...],
         it(
-            "two of the workspace, none where no accuracy is claimed: `plane` (`vertical`, "
+            "two of the region, none where no accuracy is claimed: `plane` (`vertical`, "
             "`horizontal`), `axes`, `cell_mm`, `corner_mm` (lowest corner), and grids, rows from "
-            "below: `postures` and `shots` (counts), `before_mm` and `after95_mm` (each `median` and "
-            "`worst`; null where no posture falls)"
+            "below: `postures` and `shots` (counts), `before_mm`, `before95_mm` and `after95_mm` (each "
+            "`median` and `worst`; null where no posture falls)"
         ),
     ]
     undetermined: Annotated[
@@ -147,7 +149,7 @@ class TcpAccuracy:
         Grid | None,
         it(
             "a matrix S, a row and a column for each joint: errors d of the offsets (in their units) "
-            "move the TCP by √(d′ S d) mm, root mean square over the workspace; null where no "
+            "move the TCP by √(d′ S d) mm, root mean square over the region; null where no "
             "accuracy is claimed"
         ),
     ] = None
@@ -174,10 +176,10 @@ def accuracy(
     location: TcpSource = "stated point"
     if point is None:
         point, location = default_point(problem, bool(open_offsets[-1]))
-    limits = (problem.robot.lower, problem.robot.upper)
     recorded_limits = (problem.joints.min(axis=0), problem.joints.max(axis=0))
-    drawn = [spread_postures(*limits, _POSTURES), spread_postures(*recorded_limits, _POSTURES // 4)]
-    joints = np.concatenate([within_limits(problem.robot, rows) for rows in drawn] + [problem.joints])
+    region = region_postures(problem, _POSTURES)
+    near_these = within_limits(problem.robot, spread_postures(*recorded_limits, _POSTURES // 4))
+    joints = np.concatenate([region, near_these, problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
     by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
     names = parameters.names[offsets]
@@ -189,11 +191,13 @@ def accuracy(
     if not len(undetermined):
         values = values_to_enter(solution) if values is None else values
         errors = _errors(solution, point, joints, position, jacobian, values)
-        whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
+        whole, near = slice(len(region)), slice(len(region), len(joints) - problem.shots)
         workspace, near_shots = _region(errors[:, whole]), _region(errors[:, near])
         maps = _maps(problem, position[whole], position[near.stop :], errors[:, whole])
         shown = by_offset[:, :, whole] / parameters.display[offsets][:, None]
-        sensitivity = tuple(map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / _POSTURES).tolist()))
+        sensitivity = tuple(
+            map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / len(region)).tolist())
+        )
         weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
     return TcpAccuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
@@ -219,8 +223,8 @@ def _errors(
     jacobian: Matrix,
     values: Mapping[str, float],
 ) -> Matrix:
-    """(4, P) mm: before the calibration, the std of that, the 95 % radius after it, and the rms: see
-    `Region`."""
+    """(5, P) mm: before the calibration, the std of that, the 95 % radius after it, the rms, and the 95 %
+    radius before it: see `RegionAccuracy`."""
     problem, fit = solution.problem, solution.fit
     dof = max(solution.dof, 1) if problem.noise.estimated else None
     position_of = problem.functions.kernel("place")
@@ -232,14 +236,15 @@ def _errors(
     rms = np.sqrt(np.trace(of_point, axis1=1, axis2=2))
     # Of no length at all every direction is as good: the std of the worst is at most the rms.
     std = np.where(length > 0, np.sqrt(along) / np.where(length > 0, length, 1.0), rms)
+    before95 = radius95_about(apart, of_point, dof)
     if not problem.geometry:
-        return np.array([length, std, radius95(of_point, dof), rms])
+        return np.array([length, std, radius95(of_point, dof), rms, before95])
     arm = controller_arm(problem, values)
     arm[0] = 0.0
     (entered_at,) = position_of(joints, arm, point)
     left = np.asfortranarray(position - entered_at)
     rms = np.sqrt(rms**2 + (left**2).sum(axis=1))
-    return np.array([length, std, radius95_about(left, of_point, dof), rms])
+    return np.array([length, std, radius95_about(left, of_point, dof), rms, before95])
 
 
 def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:
@@ -253,8 +258,8 @@ def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:
     return result.transpose(2, 0, 1)
 
 
-def _region(errors: Matrix) -> Region:
-    before, before_std, after95, after_rms = errors
+def _region(errors: Matrix) -> RegionAccuracy:
+    before, before_std, after95, after_rms, before95 = errors
     count = len(before)
     middle = (count - 1) // 2
 
@@ -265,12 +270,13 @@ def _region(errors: Matrix) -> Region:
         return float(before_std[before == error].max())
 
     before_mm = level(before)
-    return Region(
+    return RegionAccuracy(
         postures=count,
         before_mm=before_mm,
         before_std_mm=Level(std_where(before_mm.median), std_where(before_mm.worst)),
         after95_mm=level(after95),
         after_rms_mm=level(after_rms),
+        before95_mm=level(before95),
     )
 
 
@@ -284,11 +290,13 @@ def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: Matrix) -> 
         away = points - origin
         return np.stack([np.linalg.norm(np.cross(away, axis), axis=1), points @ axis]).T
 
-    before, after = ((order := np.argsort(values), values[order]) for values in (errors[0], errors[2]))
+    before, after, before95 = (
+        (order := np.argsort(values), values[order]) for values in (errors[0], errors[2], errors[4])
+    )
     across = (f"distance from {name}", "height")
     return (
-        _map("vertical", across, beside_axis(position), beside_axis(shots), before, after),
-        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], before, after),
+        _map("vertical", across, beside_axis(position), beside_axis(shots), before, after, before95),
+        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], before, after, before95),
     )
 
 
@@ -299,9 +307,10 @@ def _map(
     shots: Matrix,
     before: tuple[Index, Matrix],
     after: tuple[Index, Matrix],
+    before95: tuple[Index, Matrix],
 ) -> Map:
-    """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm; `before` and `after`
-    are the errors in rising order: the index of the posture, and the value."""
+    """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm; `before`, `after` and
+    `before95` are the errors in rising order: the index of the posture, and the value."""
     every = np.concatenate([at, shots])
     size = _round_up(float(np.ptp(every, axis=0).max()) / (_CELLS - 1))
     corner = np.floor(every.min(axis=0) / size)
@@ -340,6 +349,7 @@ def _map(
         shots=counted(shots),
         before_mm=levels(before),
         after95_mm=levels(after),
+        before95_mm=levels(before95),
     )
 
 

@@ -9,10 +9,15 @@ workspace under the posterior of the whole model,
 with T the arm, N the nominal one with the offsets c entered, and J C J' the covariance of T, to first order
 (JCGM 102). The last term does not depend on c: what is entered is the least-squares fit of N to the mean arm.
 
-The region is what the arm reaches in front of it: joint 1 within 90 degrees of the middle of its range, the
-other joints over theirs. The points, of equal weight, are the flange's origin, the TCP (the tool's stated
-point) and four points 100 mm beside the TCP: without these the wrist would be turned to make up for lengths,
-and a longer tool would be worse off. The error that is stated is that of the TCP.
+The region is that of the header (`tcp_region`). The points, of equal weight, are the flange's origin, the TCP
+(the tool's stated point) and four points 100 mm beside the TCP: without these the wrist would be turned to
+make up for lengths, and a longer tool would be worse off. Of a region that is a box or a file's postures the
+central ranges take part with a tenth of its weight: what few postures do not settle would be anything
+elsewhere, and the robot passes there. The error that is stated is that of the TCP, over the region.
+
+What offsets cannot make up for is the floor: were the values known exactly, those of each arm of the
+posterior would be entered, c(theta) = c(E theta) + A (theta - E theta), and T(q; theta) - N(q; c(theta))
+left.
 """
 
 from __future__ import annotations
@@ -36,13 +41,14 @@ from ..tcp_positions import (
     arms_at_random,
     default_point,
     fitted_points,
-    front_postures,
     moving_by_nominal,
     normal_inverse,
     tool_point,
     undetermined_offsets,
 )
+from ..tcp_region import region_postures
 
+_POSTURES = 256  # of the region
 _STEPS = 2  # Gauss-Newton from the estimates: what is left is below a micrometre
 MOST_WORSE = 0.05  # probability of a less accurate robot with which values are entered without a word
 _CONFORMS = 0.95  # JCGM 106, 8.3.3: the guard band of a 5 % risk
@@ -76,8 +82,8 @@ class Entered:
     values: Annotated[
         dict[str, float],
         it(
-            "by offset, degrees or millimetres: the least expected squared error of flange and TCP in"
-            " front of the arm; the estimates for `geometry`, and of an arm that is taken as exact"
+            "by offset, degrees or millimetres: the least expected squared error of flange and TCP over"
+            " the region; the estimates for `geometry`, and of an arm that is taken as exact"
         ),
     ]
     u: Annotated[
@@ -96,6 +102,13 @@ class Entered:
         ),
     ]
     tcp_after: Annotated[TcpError | None, it("the same with the values entered")]
+    tcp_best: Annotated[
+        TcpError | None,
+        it(
+            "the same if the values that serve this arm best were known exactly: offsets alone cannot do"
+            " better; null for `geometry`, and of an arm that is taken as exact"
+        ),
+    ] = None
     worse: Annotated[
         float | None,
         it(
@@ -175,9 +188,10 @@ def entered(
     if whole is not None:
         errors = spread.errors(held_by_a_robot(problem, solution.fit.x))
         worse = _share_worse(errors, as_it_is)
-        with_links = Entered("geometry", *whole, before, _tcp_error(errors), worse)
+        with_links = Entered("geometry", *whole, before, _tcp_error(errors), worse=worse)
+    best = None if fitted.by_mean is None else _tcp_error(spread.errors_at_best(fitted))
     return (
-        Entered("nominal", values, u, before, _tcp_error(after), _share_worse(after, as_it_is)),
+        Entered("nominal", values, u, before, _tcp_error(after), best, _share_worse(after, as_it_is)),
         with_links,
         None if required is None else _conformity(after, required.tcp_mm),
     )
@@ -202,7 +216,10 @@ def held_by_a_robot(problem: Problem, x: Matrix) -> Matrix:
 
 class _Fitted:
     """The least-squares fit of nominal geometry to the mean arm, over the region: `names` of the offsets,
-    `offsets` (k,) rad or mm, their `std` (k,)."""
+    `offsets` (k,) rad or mm, their `std` (k,); `arm` (a,) with them entered, and `by_mean` (a, a) by how much
+    it changes with the arm's parameters, None of an exact arm."""
+
+    by_mean: Matrix | None = None
 
     def __init__(self, solution: Solution, left_out: Collection[str] = (), *, assumed: bool = False) -> None:
         problem = self.problem = solution.problem
@@ -227,9 +244,8 @@ class _Fitted:
 
     def _fit(self, solution: Solution, x: Matrix, places: list[int], at: list[int], out: list[int]) -> None:
         problem = self.problem
-        joints = front_postures(problem)[:FITTED]
         tcp = tcp_of(solution)
-        points, joints = fitted_points(tcp, joints)
+        points, joints, roots = fitted_points(problem, tcp, FITTED)
         position, by_arm = tool_point(problem, x, points, joints)
         arm = np.zeros(problem.parameters.arm.stop)
         arm[places] = x[places]
@@ -237,17 +253,20 @@ class _Fitted:
         columns: Matrix = np.zeros((0, 0))
         for _ in range(_STEPS):
             entered_at, jacobian = problem.functions.kernel("placed")(joints, arm, points)
-            columns = jacobian[:, :, places].reshape(-1, len(places))
+            columns = (jacobian[:, :, places] * roots[:, None, None]).reshape(-1, len(places))
             inverse = normal_inverse(columns)
-            arm[places] += inverse @ (columns.T @ (position - entered_at).reshape(-1))
-        self.offsets[at] = arm[places]
-        by_arm = by_arm.reshape(-1, len(arm)).copy()
+            left = (position - entered_at) * roots[:, None]
+            arm[places] += inverse @ (columns.T @ left.reshape(-1))
+        self.arm, self.offsets[at] = arm, arm[places]
+        by_arm = (by_arm * roots[:, None, None]).reshape(-1, len(arm))
         by_arm[:, out] = 0.0
         by_mean = inverse @ (columns.T @ by_arm)
         # What moves no point stays as estimated, and as uncertain.
         by_mean[:, places] += np.eye(len(places)) - inverse @ (columns.T @ columns)
         covariance = arm_covariance(problem, solution.fit.covariance)
         self.std[at] = np.sqrt(np.einsum("ka,ab,kb->k", by_mean, covariance, by_mean))
+        self.by_mean = np.zeros((len(arm), len(arm)))
+        self.by_mean[places] = by_mean
 
     def shown(self, values: Matrix) -> dict[str, float]:
         """deg (mm) by name."""
@@ -265,7 +284,7 @@ class TcpSpread:
 
     def __init__(self, solution: Solution) -> None:
         self.solution, self.problem = solution, solution.problem
-        self.joints, self.point = front_postures(self.problem), tcp_of(solution)
+        self.joints, self.point = region_postures(self.problem, _POSTURES), tcp_of(solution)
         self.position, self.jacobian = tool_point(self.problem, solution.fit.x, self.point, self.joints)
 
     @property
@@ -282,20 +301,37 @@ class TcpSpread:
         return np.asarray(position)
 
     @cached_property
-    def spread(self) -> Matrix:
-        """(3, draws, P) mm by which the TCPs of arms at random from the posterior are off that of the mean
-        arm."""
+    def drawn(self) -> Matrix:
+        """(draws, a) by which arms at random from the posterior are off the mean arm, rad or mm."""
         problem, solution = self.problem, self.solution
         dof = solution.dof if problem.noise.estimated and solution.dof else None
-        drawn = arms_at_random(arm_covariance(problem, solution.fit.covariance), dof)
-        return np.array([drawn @ self.jacobian[:, k].T for k in range(3)])
+        return arms_at_random(arm_covariance(problem, solution.fit.covariance), dof)
+
+    @cached_property
+    def spread(self) -> Matrix:
+        """(3, draws, P) mm by which the TCPs of those arms are off that of the mean arm."""
+        return self._moved(self.jacobian)
 
     def errors(self, arm: Matrix) -> Matrix:
         """(draws, P) mm: of those arms, with a controller that has `arm` (a,) in its model."""
+        return self._lengths(self.spread, arm)
+
+    def errors_at_best(self, fitted: _Fitted) -> Matrix:
+        """(draws, P) mm: of those arms, each with the values entered that serve it best."""
+        assert fitted.by_mean is not None
+        _, by_entered = self.problem.functions.kernel("placed")(self.joints, fitted.arm, self.point)
+        return self._lengths(
+            self._moved(self.jacobian - by_entered[:, :, : len(fitted.arm)] @ fitted.by_mean), fitted.arm
+        )
+
+    def _moved(self, jacobian: Matrix) -> Matrix:
+        return np.array([self.drawn @ jacobian[:, k].T for k in range(3)])
+
+    def _lengths(self, spreads: Matrix, arm: Matrix) -> Matrix:
         apart = self.position - self.placed(arm)
         # Axis by axis: a norm over the first of three axes takes several times as long.
-        squares = np.zeros(self.spread.shape[1:])
-        for spread, off in zip(self.spread, apart.T, strict=True):
+        squares = np.zeros(spreads.shape[1:])
+        for spread, off in zip(spreads, apart.T, strict=True):
             along = spread + off
             squares += along * along
         return np.asarray(np.sqrt(squares))

@@ -29,7 +29,7 @@ def due_after(drift: Drift, sensitivity_mm2: Matrix, tolerance_mm: float) -> flo
     if the offsets as estimated at the last result are applied; 0 where it does not even then, None beyond
     the horizon of 20 years.
 
-    The error is root mean square over the workspace, by `sensitivity_mm2` (m, m) of the offsets of the series
+    The error is root mean square over the region, by `sensitivity_mm2` (m, m) of the offsets of the series
     (as `accuracy.sensitivity_mm2` of a result). Future jumps are not foreseen.
     """
     size = len(drift.series.names)

@@ -18,19 +18,17 @@ from ...model.likelihood.problem import Problem
 from ..draws import drawn_by_covariance
 from ..status import Status
 from ..tcp_positions import (
-    FITTED,
     arm_covariance,
     arms_at_random,
     default_point,
     fitted_points,
-    front_postures,
     moving_by_nominal,
     normal_inverse,
     tool_point,
 )
+from ..tcp_region import region_postures
 
-_POSTURES = 128  # the first are spread as evenly as all
-_FITTED_AT = 32
+_POSTURES, _FITTED_AT = 128, 32
 _SEED = 2015
 
 
@@ -89,7 +87,7 @@ class TcpForecast:
         offsets = parameters.block("offset")
         open_last = status[offsets.stop - 1] in ("unidentifiable", "held", "assumed")
         self._point = default_point(problem, open_last)[0]
-        self._joints = front_postures(problem)
+        self._joints = region_postures(problem, _POSTURES)
         self._moving = moving_by_nominal(problem, self._point, self._joints)
         self._moving[0] = False  # a choice of frame
 
@@ -114,7 +112,7 @@ class TcpForecast:
     @cached_property
     def _by_arm(self) -> Matrix:
         """(3 P, f) mm the TCP by the scaled free parameters."""
-        return self._rows(self._point, self._joints[:_POSTURES])
+        return self._rows(self._point, self._joints)
 
     def _rows(self, points: Matrix, joints: Matrix) -> Matrix:
         """(3 P, f) mm points of the flange by the scaled free parameters."""
@@ -129,8 +127,8 @@ class TcpForecast:
     @cached_property
     def _fitted(self) -> Matrix:
         """(M, f) mm the points by which values to enter are fitted."""
-        joints = self._joints[: min(_FITTED_AT, FITTED)]
-        return self._rows(*fitted_points(self._point, joints))
+        points, joints, roots = fitted_points(self._problem, self._point, _FITTED_AT)
+        return self._rows(points, joints) * np.repeat(roots, 3)[:, None]
 
     def _not_entered(self, entered: Mask) -> Matrix:
         """(3 P, f) mm by which the TCP is off for the parameters of an arm of which nominal geometry has the

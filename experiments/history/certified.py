@@ -18,6 +18,7 @@ from ...analysis.posterior.intervals import Intervals
 from ...analysis.row import ParameterRow
 from ...analysis.solution import ParameterResult
 from ...analysis.status import known, versions
+from ...analysis.tcp_region import TcpRegion
 from ...model.errors import BadInput
 from ...model.records import if_any, inline, internal, it, key, only, record, to_json
 from ...words.message import read_message
@@ -273,6 +274,11 @@ class Certificate(CertifiedResult):
             return None
         when = provenance_entry(by_plain_key(test.run.provenance), KEYS[DATE]) or None
         return AsLeft(test, test.measured, test.run.file, test.run.sha256, when)
+
+    @property
+    @key("of the errors of the TCP, as in the result; null of results of an earlier version")
+    def region(self) -> TcpRegion | None:
+        return self.result.region
 
     @property
     @key("what the result rests on besides the measurements")

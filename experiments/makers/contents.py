@@ -11,12 +11,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...model.errors import BadInput
+from ...model.files.text_tables import DELIMITERS, TextTable, found_delimiter, number, table_of
 from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, require_regular, shown
 from ...model.records import it, record
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
-from .generic.text_tables import DELIMITERS, TextTable, found_delimiter, number, table_of
 from .joint_text import PROGRAM_LINE, is_log_of_program, program_is_no_recording, writes_log
 from .known_logs import known_logs
 from .maker import FormatMark, Reader, makers

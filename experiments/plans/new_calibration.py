@@ -12,11 +12,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...analysis.tcp_positions import spread_postures, within_limits
 from ...model.errors import BadInput
 from ...model.instruments.proposal import ON_THE_FLANGE, TARGET_OUT, Keys, Point, ProposedHeader, whole_point
 from ...model.instruments.registry import KINDS, kind_names, kind_of
 from ...model.kinematics.robot import Robot
+from ...model.kinematics.spread import spread_postures, within_limits
 
 PlaceKind = Literal["front", "table", "floor", "point"]
 

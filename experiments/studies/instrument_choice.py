@@ -21,11 +21,10 @@ from ...analysis.observability.predictions import predicted_covariance
 from ...analysis.tcp_positions import (
     arm_covariance,
     moving_offsets,
-    spread_postures,
     tool_point,
     undetermined_offsets,
-    within_limits,
 )
+from ...analysis.tcp_region import region_postures
 from ...model.arrays import Matrix, Progress
 from ...model.errors import located
 from ...model.files.header import Header
@@ -82,7 +81,7 @@ class SetupPlan:
     """The best plan of so many `measurements`, by instrument: it takes `minutes`, travel included.
 
     `worst_u` is the largest standard uncertainty of an offset that is not held, deg (mm), `worst` its name;
-    `tcp_mm` the expected error of the TCP over the workspace where the whole estimate is used, rms. There is
+    `tcp_mm` the expected error of the TCP over the region where the whole estimate is used, rms. There is
     neither where an offset that it depends on is not determined: `undetermined` names those.
     """
 
@@ -223,7 +222,7 @@ def _predicted(
     undetermined = [
         item.name for item, each in zip(offsets, status, strict=False) if each == "unidentifiable"
     ]
-    joints = within_limits(robot, spread_postures(robot.lower, robot.upper, _TCP_POSTURES))
+    joints = region_postures(problem, _TCP_POSTURES)
     _, jacobian = tool_point(problem, x, tcp, joints)
     moving = moving_offsets(problem, jacobian)
     tcp_mm = None

@@ -233,7 +233,12 @@ def stated_header(
         nonlocal culprit
         culprit = str(key[0])
 
-    header = completed(header, Path("."), line=no_line)
+    try:
+        header = completed(header, Path("."), robot=arm, line=no_line)
+    except BadInput as error:
+        if header.workspace.positions is None or error.file is not None:
+            raise
+        raise error.of_argument("workspace") from None
     try:
         check_header(header, arm, file=None, line=no_line)
     except BadInput as error:

@@ -45,6 +45,7 @@ from ..parsing.validation import (
     with_length,
 )
 from .conventions import StatedBodies, StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
+from .stated_workspace import CENTRAL_RANGES, StatedWorkspace
 from .whole_file import schema_line, short_in_one_line, write_whole, yaml_text
 
 
@@ -592,7 +593,7 @@ class StatedRequirement(FileModel):
     """What the robot must meet."""
 
     tcp_mm: Positive = Field(
-        description="error of the TCP that 95 % of the workspace must stay below, millimetres"
+        description="error of the TCP that 95 % of the region (`workspace`) must stay below, millimetres"
     )
 
 
@@ -639,6 +640,9 @@ class Header(FileModel):
     )
     required: StatedRequirement | None = Field(
         default=None, description="what the robot must meet once its values are entered"
+    )
+    workspace: StatedWorkspace = Field(
+        default=CENTRAL_RANGES, description="the region over which the error of the TCP is judged"
     )
     provenance: Annotated[dict[Name, str | bool | int | float], BeforeValidator(_free_text)] = Field(
         default={}, description="free text by key: serial number, controller software, who, when"
@@ -820,6 +824,7 @@ def check_header(
     checks: list[tuple[KeyPath, Callable[[], object]]] = [
         (("noise", "joint_deg"), lambda: noise.of_joints(robot))
     ]
+    header.workspace.check_postures(robot, file=file, line=line(("workspace",)))
     if isinstance(header.geometry, StatedGeometry):
         checks += [(("geometry", *key), check) for key, check in header.geometry.checks(robot)]
     for key, check in checks:

@@ -1,6 +1,7 @@
-"""A header as it is read: as its file states it, with the plant's tolerances where it leaves them out.
+"""A header as it is read: as its file states it, with the plant's tolerances where it leaves them out, and
+with the postures of a file of positions.
 
-They are in the file that the header names (`geometry: {tolerances: …}`), or in that of the environment
+Tolerances are in the file that the header names (`geometry: {tolerances: …}`), or in that of the environment
 variable ZEROBEAM_TOLERANCES. The header that comes out states all of them: a run or a result that is written
 with it means the same at any other plant.
 """
@@ -15,10 +16,12 @@ from pydantic import Field
 
 from ..errors import BadInput
 from ..instruments.registry import kind_of
+from ..kinematics.robot import Robot
 from ..parsing.confinement import TOLERANCES
 from ..parsing.reading import KeyPath, read_yaml
 from ..parsing.validation import FileModel, Positive, validate
 from .header import EXACT, Header, StatedGeometry, StatedSigma, StatedTool, Switch
+from .robot_file import load_robot
 
 
 class PlantLinkTolerance(FileModel):
@@ -62,13 +65,25 @@ def read_header(path: Path | str) -> Header:
 
 
 def completed(
-    header: Header, folder: Path, *, file: Path | None = None, line: Callable[[KeyPath], int | None]
+    header: Header,
+    folder: Path,
+    *,
+    robot: Robot | None = None,
+    file: Path | None = None,
+    line: Callable[[KeyPath], int | None],
 ) -> Header:
-    """The header with the plant's tolerances, if there are any, in place of typical ones that it leaves out.
+    """The header with the plant's tolerances, if there are any, in place of typical ones that it leaves out,
+    and with the postures of the file of positions that it names.
 
-    An exact arm has none. `folder` is where its paths start; `file` and `line` are where it is stated.
-    BadInput where the file of the tolerances cannot be used.
+    An exact arm has no tolerances. `folder` is where its paths start; `file` and `line` are where it is
+    stated; `robot` is that of the header, if it was loaded already. BadInput where one of the files cannot be
+    used.
     """
+    if header.workspace.positions is not None:
+        arm = robot or load_robot(header.robot, folder, file=file, line=line(("robot",)))
+        at = line(("workspace", "positions"))
+        workspace = header.workspace.with_postures(arm, folder, file=file, line=at)
+        header = header.model_copy(update={"workspace": workspace})
     if header.geometry == EXACT:
         return header
     geometry = header.geometry or StatedGeometry()

@@ -4,20 +4,48 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BeforeValidator
 
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics import pendant
 from ..kinematics.plausible import ONE_TURN
 from ..kinematics.robot import Robot
+from ..parsing.reading import shown
+from ..parsing.validation import refusal
 
 # Values recorded at a limit may differ from it by what one conversion between degrees and radians rounds off.
 ROUNDING = 1e-6
 WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only
+
+
+_NUMBERS = frozenset({float, int})
+
+
+def _joint_values(value: object) -> object:
+    if not isinstance(value, list | tuple) or not value:
+        raise refusal(
+            "the joints are not a list of numbers", found=shown(value), allowed="[joint 1, joint 2, …]"
+        )
+    if _NUMBERS.issuperset(map(type, value)):
+        return tuple(value)
+    for i, item in enumerate(value):
+        if isinstance(item, bool) or not isinstance(item, int | float):
+            raise refusal(
+                f"joint {i + 1} is not a number",
+                key=(i,),
+                found=shown(item),
+                allowed="a number (degrees; mm for a prismatic joint)",
+                remedy="leave out a measurement that was not fully recorded",
+            )
+    return tuple(value)
+
+
+JointValues = Annotated[tuple[float, ...], BeforeValidator(_joint_values)]
 
 
 def require_joint_count(

@@ -22,7 +22,7 @@ from ..parsing.validation import (
     with_length,
 )
 from .header import Header
-from .shot import JointValues
+from .limits import JointValues
 
 
 class Box(FileModel):

@@ -18,28 +18,7 @@ from ..kinematics.robot import Robot
 from ..parsing.reading import did_you_mean, shown
 from ..parsing.validation import MOST, FileModel, Name, Positive, TargetName, refusal
 from .header import Header
-from .limits import check_limits, require_joint_count
-
-_NUMBERS = frozenset({float, int})
-
-
-def _joint_values(value: object) -> object:
-    if not isinstance(value, list | tuple) or not value:
-        raise refusal(
-            "the joints are not a list of numbers", found=shown(value), allowed="[joint 1, joint 2, …]"
-        )
-    if _NUMBERS.issuperset(map(type, value)):
-        return tuple(value)
-    for i, item in enumerate(value):
-        if isinstance(item, bool) or not isinstance(item, int | float):
-            raise refusal(
-                f"joint {i + 1} is not a number",
-                key=(i,),
-                found=shown(item),
-                allowed="a number (degrees; mm for a prismatic joint)",
-                remedy="leave out a measurement that was not fully recorded",
-            )
-    return tuple(value)
+from .limits import JointValues, check_limits, require_joint_count
 
 
 def _spot_values(value: object) -> object:
@@ -85,7 +64,6 @@ def _quaternion(value: object) -> object:
 
 
 QUATERNION_LENGTH = 1e-3
-JointValues = Annotated[tuple[float, ...], BeforeValidator(_joint_values)]
 _Reading = Annotated[float | tuple[float, ...], BeforeValidator(_reading_values)]
 _Quaternion = Annotated[tuple[float, float, float, float], BeforeValidator(_quaternion)]
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..arrays import Index, Mask, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
+from ..files.stated_workspace import CENTRAL_RANGES, StatedWorkspace
 from ..instruments.kind import Instrument, Measurement
 from ..instruments.together import Part, Together
 from ..kinematics.robot import Robot
@@ -62,7 +63,7 @@ class Problem:
     `joints` (N, n) rad or mm; `spots` (N, d) mm, what each residual is less; `readings` (N, w) as read; and
     `guessed` (K,) True where the header says where the target is; `weights` (N,) how often each shot counts
     (2: as if it were recorded twice; 1 / kappa: one of kappa that say the same). Of `planned` ones nothing
-    was read yet.
+    was read yet. `workspace` is the region that the header states for the error of the TCP.
     """
 
     robot: Robot
@@ -80,6 +81,7 @@ class Problem:
     ties: tuple[Tie, ...]
     weights: Matrix
     planned: bool = False
+    workspace: StatedWorkspace = CENTRAL_RANGES
 
     def __repr__(self) -> str:
         count, free = self.shots, int(self.parameters.free.sum())
@@ -172,6 +174,7 @@ class Problem:
             guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in index]),
             ties=ties(header, tuple(index)),
             weights=np.ones(len(joints)),
+            workspace=header.workspace,
         )
 
     @classmethod

@@ -28,6 +28,7 @@ from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import tolerance_words
 from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
+from ...words.region_words import region_words
 from ...words.wording import NOT_DETERMINED, clipped, counted, ended, label, listed, sentence, shown
 from ..run.inputs import flat
 from ..run.parameter_section import NO_NUMBER, OFFSETS, legend
@@ -144,16 +145,15 @@ def _identified(certificate: Certificate) -> Iterator[tuple[str, str]]:
 def _found_and_left(certificate: Certificate) -> Iterator[tuple[str, str]]:
     """The robot before and after; as left alone what was measured with the corrected robot."""
     tcp, left = certificate.as_found.tcp, certificate.as_left
+    region = region_words(certificate.region)
     yield (
         "As found",
-        ended(
-            f"The offsets above{'' if tcp is None else f'; error of the TCP over the workspace {_tcp(tcp)}'}"
-        ),
+        ended(f"The offsets above{'' if tcp is None else f'; error of the TCP {region}: {_tcp(tcp)}'}"),
     )
     if (expected := certificate.expected.tcp) is not None:
         yield (
             "Expected as left",
-            f"Error of the TCP over the workspace {_tcp(expected)}, once the values to enter are in the"
+            f"Error of the TCP {region}: {_tcp(expected)}, once the values to enter are in the"
             " controller: predicted, not measured.",
         )
     if left is None:
@@ -223,8 +223,9 @@ def _rules(certificate: Certificate) -> Iterator[str]:
     else:
         required, probability = conformity.required_mm, numbers.p_value(conformity.probability)
         yield (
-            f"Required: {numbers.exact(required, 'mm')} for 95\u00a0% of the workspace. Decision:"
-            f" {conformity.decision} (probability {probability}). Rule: {ended(conformity.rule)}"
+            f"Required at the TCP: {numbers.exact(required, 'mm')} in 95\u00a0% of the postures"
+            f" {region_words(certificate.region)}. Decision: {conformity.decision} (probability"
+            f" {probability}). Rule: {ended(conformity.rule)}"
         )
     if left is not None:
         yield f"Acceptance test: {RULE}"

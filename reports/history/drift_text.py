@@ -33,7 +33,8 @@ def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
 
 def due_sentence(arm: ArmDrift) -> str:
     """When the next calibration is due, or why there is no date."""
-    limit = f"TCP error within {numbers.exact(arm.tolerance_mm, 'mm')} (95 %, rms of the workspace)"
+    tolerance = numbers.exact(arm.tolerance_mm, "mm")
+    limit = f"TCP error within {tolerance} (95 %, rms over the region of the last run)"
     reason = with_labels(arm.due_reason)
     if arm.due is not None and not arm.due_reason:
         return f"Next calibration due: {arm.due:%Y-%m-%d}, for a {limit}."

@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...analysis.answer.result import Result
-from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
+from ...analysis.diagnostics.accuracy import Grid, Level, Map, RegionAccuracy, TcpAccuracy
 from ...analysis.diagnostics.values_to_enter import TcpError
 from ...words import numbers
-from ...words.enter import enter_sentence, error_words
+from ...words.enter import enter_sentence, error_words, floor_sentence
 from ...words.finding_words import accuracy_reason, tcp_words
-from ...words.wording import label, listed, person, sentence
+from ...words.region_words import region_first, region_words
+from ...words.wording import counted, label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import DASHES, WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
@@ -35,11 +36,12 @@ def workspace_section(result: Result) -> Section:
         return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
     return section_of(
         TITLE,
-        Paragraph(_summary(workspace) if _expected(result) is None else enter_sentence(result) or ""),
+        Paragraph(_summary(result, workspace) if _expected(result) is None else enter_sentence(result) or ""),
         *map(Paragraph, _doubts(result)),
         FigureBlock(NAME),
         _table(result, workspace, near),
-        Paragraph(f"{_where(accuracy)} {_postures(workspace, near)}"),
+        *map(Paragraph, filter(None, [floor_sentence(result)])),
+        Paragraph(f"{_where(accuracy)} {_postures(result, workspace, near)}"),
     )
 
 
@@ -51,13 +53,13 @@ def _expected(result: Result) -> tuple[TcpError, TcpError] | None:
     return entered.tcp_before, entered.tcp_after
 
 
-def _summary(region: Region) -> str:
+def _summary(result: Result, region: RegionAccuracy) -> str:
     before, after = region.before_mm, region.after95_mm
     median, worst = (numbers.significant(value, 2, "mm") for value in (before.median, before.worst))
     return (
-        f"With nothing entered the TCP is off by {median} in the median posture and by {worst} in the"
-        f" worst. With the values entered 95 % of the error is within {_spread(after.median)} in the median"
-        f" posture and {_spread(after.worst)} in the worst."
+        f"{region_first(result.region)}: with nothing entered the TCP is off by {median} in the median"
+        f" posture and by {worst} in the worst. With the values entered 95 % of the error is within"
+        f" {_spread(after.median)} in the median posture and {_spread(after.worst)} in the worst."
     )
 
 
@@ -78,24 +80,29 @@ def _where(accuracy: TcpAccuracy) -> str:
     at = numbers.with_unit(", ".join(numbers.exact(round(v, 6)) for v in accuracy.point_mm), "mm")
     return (
         f"The TCP is {sentence(tcp_words(accuracy, person))} ({at} in the flange frame), in the base frame"
-        " that the encoder of joint 1 defines: δ1 is a choice of frame and does not enter."
+        " that the encoder of joint 1 defines: δ1, and the height of the base along axis 1, are a choice of"
+        " frame and do not enter."
     )
 
 
-def _postures(workspace: Region, near: Region) -> str:
+def _postures(result: Result, workspace: RegionAccuracy, near: RegionAccuracy) -> str:
+    region = result.region
+    over = f"{region_first(region)}: {counted(workspace.postures, 'posture')}"
+    if region is None or region.positions is None:
+        front = "" if region is None or region.joints == "full" else " (joint 1 within 90° of its middle)"
+        over += f", evenly spread{front}, without regard to obstacles"
     return (
-        f"Workspace: {workspace.postures} postures evenly over the joints’ limits, without regard to"
-        f" obstacles. Near the measurements: {near.postures} over the ranges of their joints. Links, gravity"
-        " and harmonics count as far as the header lets the arm deviate; repeatability and load do not."
-        " Median and 95 % are of the postures in front of the arm (joint 1 within 90° of its middle)."
+        f"{over}. Near the measurements: {near.postures} over the ranges of their joints. Links, gravity and"
+        " harmonics count as far as the header lets the arm deviate; repeatability and load do not. Another"
+        " region is stated in the header (workspace)."
     )
 
 
-def _table(result: Result, workspace: Region, near: Region) -> Table:
+def _table(result: Result, workspace: RegionAccuracy, near: RegionAccuracy) -> Table:
     expected = _expected(result)
     if expected is not None:
         return _table_of_entered(result, expected, workspace, near)
-    columns = ["TCP", "workspace, median", "worst", "near the measurements, median", "worst"]
+    columns = ["TCP", "median", "worst", "near the measurements, median", "worst"]
     regions = (workspace, near)
     stds = [
         level for region in regions for level in (region.before_std_mm.median, region.before_std_mm.worst)
@@ -109,24 +116,36 @@ def _table(result: Result, workspace: Region, near: Region) -> Table:
         row_of("with the values entered, 95 % within", *map(_spread, after)),
         row_of("with the values entered, expected error (rms)", *map(_spread, rms)),
     ]
-    return table_of("Accuracy before and after", columns, rows)
+    return table_of(_of_region(result), columns, rows)
+
+
+def _of_region(result: Result) -> str:
+    """The name of the table."""
+    return f"Accuracy before and after, {region_words(result.region)}"
 
 
 def _table_of_entered(
-    result: Result, expected: tuple[TcpError, TcpError], workspace: Region, near: Region
+    result: Result,
+    expected: tuple[TcpError, TcpError],
+    workspace: RegionAccuracy,
+    near: RegionAccuracy,
 ) -> Table:
     """Median and 95 % are of posture and posterior together: those of the first page. The worst posture is
-    that of `workspace` and of `near`."""
-    columns = ["TCP error", "median", "95 % below", "worst posture", "worst near the measurements"]
+    that whose 95 % radius is largest."""
+    columns = ["TCP error", "median", "95 % below", "worst posture, 95 %", "worst near the measurements"]
     before, after = ([*error_words(error)] for error in expected)
+    worst = [_size((each.before95_mm or each.before_mm).worst) for each in (workspace, near)]
     rows = [
-        row_of("nothing entered", *before, *map(_size, (workspace.before_mm.worst, near.before_mm.worst))),
+        row_of("nothing entered", *before, *worst),
         row_of("values entered", *after, *map(_size, (workspace.after95_mm.worst, near.after95_mm.worst))),
     ]
+    entered = result.entered
+    if entered is not None and entered.tcp_best is not None:
+        rows.append(row_of("values known exactly", *error_words(entered.tcp_best), "", ""))
     whole = result.entered_geometry
     if whole is not None and whole.tcp_after is not None:
         rows.append(row_of("links entered too", *error_words(whole.tcp_after), "", ""))
-    return table_of("Accuracy before and after", columns, rows)
+    return table_of(_of_region(result), columns, rows)
 
 
 def _size(value: float) -> str:
@@ -144,7 +163,7 @@ def _spread(value: float) -> str:
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
 # The groups of columns, and what of a cell's postures a column shows.
-_WHEN = ("nothing entered", "values entered, 95 % within")
+_WHEN = ("nothing entered, 95 % within", "values entered, 95 % within")
 _LEVELS = ("median", "worst")
 # Inches: beside, below and between panels, above all of them.
 _LEFT, _BELOW, _BETWEEN, _APART, _RIGHT, _KEY, _HEAD = 0.62, 0.42, 0.12, 0.24, 0.12, 0.42, 0.4
@@ -191,12 +210,12 @@ def workspace_picture(result: Result) -> Picture | None:
                 figure.text(left / WIDTH, at + 0.17 / whole, _WHEN[column // 2], fontsize=10)
         _legend(figure, edges)
         svg = to_svg(figure, NAME)
-    return Picture(NAME, _title(maps), _alt(accuracy), svg)
+    return Picture(NAME, _title(result, maps), _alt(result), svg)
 
 
 def _grids(plane: Map) -> tuple[Grid, ...]:
     """Of the four columns."""
-    before, after = plane.before_mm, plane.after95_mm
+    before, after = plane.before95_mm or plane.before_mm, plane.after95_mm
     return before.median, before.worst, after.median, after.worst
 
 
@@ -328,16 +347,16 @@ def _legend(figure: Figure, edges: list[float]) -> None:
     )
 
 
-def _title(maps: Sequence[Map]) -> str:
+def _title(result: Result, maps: Sequence[Map]) -> str:
     planes = " and ".join("from the side" if plane.plane == "vertical" else "from above" for plane in maps)
     return (
-        f"How far the TCP is off, {planes}, before and after on one scale: the median and the worst posture"
-        " of each place; rings: the measurements"
+        f"How far the TCP is off {region_words(result.region)}, {planes}, before and after on one scale: the"
+        " median and the worst posture of each place; rings: the measurements"
     )
 
 
-def _alt(accuracy: TcpAccuracy) -> str:
-    region = accuracy.workspace
+def _alt(result: Result) -> str:
+    region = result.accuracy.workspace
     assert region is not None
 
     def levels(level: Level) -> str:
@@ -345,7 +364,7 @@ def _alt(accuracy: TcpAccuracy) -> str:
         return f"{median} in the median posture, {worst} in the worst"
 
     return (
-        "Maps of the workspace, from the side and from above. With nothing entered the TCP is off"
-        f" by {levels(region.before_mm)}; with the values entered 95 % of the error is within"
-        f" {levels(region.after95_mm)}."
+        f"Maps of the TCP error {region_words(result.region)}, from the side and from above. 95 % of the"
+        f" error is within {levels(region.before95_mm or region.before_mm)} with nothing entered, and within"
+        f" {levels(region.after95_mm)} with the values entered."
     )

@@ -13,7 +13,8 @@ from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.predictions import predicted_covariance
-from zerobeam.analysis.tcp_positions import arm_covariance, spread_postures, tool_point
+from zerobeam.analysis.tcp_positions import arm_covariance, tool_point
+from zerobeam.analysis.tcp_region import region_postures
 from zerobeam.experiments.plans.candidates import Planned, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.simulate import simulated_readings
@@ -72,7 +73,7 @@ def problems() -> tuple[Problem, Problem]:
 def of_arms(problem: Problem, count: int, seed: int) -> TcpOfArms:
     """Arms with offsets of 0.3 degrees, and all that is uncertain off by its tolerance."""
     rng, x, parameters = np.random.default_rng(seed), problem.nominal(), problem.parameters
-    joints = spread_postures(problem.robot.lower, problem.robot.upper, 200)
+    joints = region_postures(problem, 200)
     _, jacobian = tool_point(problem, x, TCP, joints)
     spread = arm_covariance(problem, predicted_covariance(problem, x))
     predicted = float(np.sqrt(np.einsum("pka,ab,pkb->p", jacobian, spread, jacobian).mean()))

@@ -75,7 +75,7 @@ def test_the_examples_of_the_design_have_only_keys_of_the_schema():
     header = json_schema("run-header")["properties"]
     wanted = (
         "schema robot tool instruments noise prior targets distances angles held limits tolerance geometry"
-        " required provenance"
+        " required workspace provenance"
     )
     assert set(header) == set(wanted.split())
     assert set(json_schema("plan")["properties"]) == {*header, "constraints", "postures_deg"}

@@ -20,13 +20,13 @@ from zerobeam.analysis.repeatability.repeats import read_table
 from zerobeam.analysis.repeatability.result_files import read_result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
-from zerobeam.experiments.makers.generic import text_tables as table
 from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.plans.obstacles import read_obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sensors_file
 from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
+from zerobeam.model.files import text_tables as table
 from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import read_robot

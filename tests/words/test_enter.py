@@ -16,9 +16,11 @@ from zerobeam.words import numbers
 from zerobeam.words.enter import (
     NO_REQUIREMENT,
     NOT_CLAIMED,
+    beyond_offsets_sentence,
     conformity_sentence,
     enter_sentence,
-    geometry_sentence,
+    floor_sentence,
+    links_step,
 )
 from zerobeam.words.message import message, next_steps, offered
 
@@ -51,9 +53,33 @@ def test_the_error_is_stated_with_what_it_was() -> None:
 
 
 def test_links_are_spoken_of_where_they_are_estimated() -> None:
-    assert geometry_sentence(values()) is None
+    assert links_step(values()) is None
     result = replace(values(), entered_geometry=Entered("geometry", {}, {}, BEFORE, LESS))
-    assert "0.30" in (geometry_sentence(result) or "")
+    text, command = links_step(result) or ("", "")
+    assert "0.30\u00a0mm is left" in text
+    assert command.startswith("zerobeam export robot ")
+    ur = replace(result, inputs=replace(result.inputs, vendor="universal-robots"))
+    assert (links_step(ur) or ("", ""))[1].startswith("zerobeam export ur-calibration ")
+    urdf = {"urdf": "arm.urdf", "base": "base", "tip": "tip"}
+    described = replace(result.inputs, header={**result.inputs.header, "robot": urdf})
+    assert (links_step(replace(result, inputs=described)) or ("", ""))[1].startswith("zerobeam export urdf ")
+    # Links that leave more than the offsets alone are no remedy.
+    worse = replace(values(after=LESS), entered_geometry=Entered("geometry", {}, {}, BEFORE, AFTER))
+    assert links_step(worse) is None
+
+
+def test_what_offsets_alone_cannot_do_is_said_with_the_region() -> None:
+    assert floor_sentence(values()) is None
+    entered = values().entered
+    assert entered is not None
+    result = replace(values(), entered=replace(entered, tcp_best=LESS))
+    said = (floor_sentence(result) or "").replace("\u00a0", " ")
+    assert "leave 0.30 mm (median, in the central 70 % of the joints\u2019 ranges)" in said
+    assert "0.61 mm is reached" in said
+    # A requirement below the floor is met by no offsets.
+    for required_mm, impossible in ((0.5, True), (0.6, False)):
+        judged = replace(result, conformity=Conformity(required_mm, 1.0, 0.0, "does not conform"))
+        assert (beyond_offsets_sentence(judged) is not None) == impossible
 
 
 @pytest.mark.parametrize(("vendor", "programs"), [("doosan", True), ("franka", False)])

@@ -59,7 +59,7 @@ def test_the_keys_are_those_of_the_design() -> None:
         "robust",
         "hold_out",
         *("placements", "scene", "misfit", "diagnosis", "enter", "enter_geometry", "conformity"),
-        *("power", "taken_as_known", "outlook", "notes", "next_steps", "inputs"),
+        *("region", "power", "taken_as_known", "outlook", "notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "estimate", "std", "interval95", "group", "data_std", "prior_std"),

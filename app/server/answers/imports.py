@@ -16,7 +16,6 @@ from ....experiments.makers import contents as columns_found
 from ....experiments.makers import joint_conventions
 from ....experiments.makers.contents import Contents
 from ....experiments.makers.generic.layouts import check_signs
-from ....experiments.makers.generic.text_tables import TextTable
 from ....experiments.makers.known_logs import read_log
 from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix
@@ -24,6 +23,7 @@ from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
 from ....model.files.limits import beyond_limits
 from ....model.files.robot_file import load_robot
+from ....model.files.text_tables import TextTable
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml

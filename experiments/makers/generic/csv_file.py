@@ -12,13 +12,21 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.limits import like_radians
+from ....model.files.text_tables import (
+    DELIMITERS,
+    TextTable,
+    columns_as_on_pendant,
+    columns_of_joints,
+    not_joints_alone,
+    read_table,
+    reversed_joints,
+)
 from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.kinematics.robot import J3, Robot
 from ....model.parsing.reading import shown
 from ..import_jobs import FileMeasurements, Imported, ImportJob, uncollected
 from .dwells import JointLog, Mark, Stillness, held
 from .layouts import PER_SECOND, CsvLayout
-from .text_tables import DELIMITERS, TextTable, columns_of_joints, read_table, reversed_joints
 
 
 def import_csv(
@@ -134,22 +142,9 @@ def _joint_columns(table: TextTable, pendant: Pendant, layout: CsvLayout) -> lis
     """Index of the column of each joint."""
     if layout.columns is not None:
         return [table.column(name) for name in layout.columns]
-    robot = pendant.robot
-    joint_names = [robot.joints[i].name for i in pendant.order]
-    names = table.names or ()
-    if not layout.joints_alone or (
-        table.names is not None
-        and (len(names) != robot.n or (set(names) == set(joint_names) and list(names) != joint_names))
-    ):
-        raise BadInput(
-            "the columns are not just the joints in their order",
-            found=", ".join(names) or f"{table.width} columns",
-            allowed=f"{robot.n} columns, in the pendant's order ({', '.join(joint_names)})",
-            remedy="name the columns of joint 1, 2, … in this order",
-            file=table.path,
-            line=table.header_line or None,
-        )
-    return [pendant.order.index(i) for i in range(robot.n)]
+    if not layout.joints_alone:
+        raise not_joints_alone(table, pendant)
+    return columns_as_on_pendant(table, pendant)
 
 
 def _marks(table: TextTable, column: str, times: Matrix, names: list[str] | None) -> list[Mark]:

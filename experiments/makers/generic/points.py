@@ -18,6 +18,14 @@ import numpy as np
 from ....model.arrays import Index, Matrix
 from ....model.errors import BadInput, located
 from ....model.files.limits import like_radians
+from ....model.files.text_tables import (
+    DELIMITERS,
+    TextTable,
+    columns_of_joints,
+    found_delimiter,
+    number,
+    table_of,
+)
 from ....model.instruments.pose import put_right
 from ....model.kinematics.orientation import orientation
 from ....model.kinematics.pendant import Pendant, pendant_of
@@ -25,7 +33,6 @@ from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_other_te
 from ..import_jobs import FileMeasurements, Imported, ImportJob, uncollected
 from .euler import found_order, require_as_stated, rotations
 from .layouts import PER_SECOND, PointLayout
-from .text_tables import DELIMITERS, TextTable, columns_of_joints, found_delimiter, number, table_of
 
 Unit = Literal["mm", "m", "inch"]
 Level = Literal["1sigma", "95", "none"]

@@ -17,13 +17,13 @@ import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
+from ....model.files.text_tables import columns_of_joints, number
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import did_you_mean, read_text, require_regular, shown
 from ....model.records import it, record
 from ..import_jobs import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
 from .dwells import JointLog, Mark, Stillness
-from .text_tables import columns_of_joints, number
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

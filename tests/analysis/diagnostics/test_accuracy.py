@@ -23,14 +23,15 @@ from scipy import stats
 from zerobeam.analysis.diagnostics.accuracy import (
     accuracy,
     arm_covariance,
-    spread_postures,
     tool_point,
 )
 from zerobeam.analysis.error_radius import radius95
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
+from zerobeam.analysis.tcp_region import region_postures
 from zerobeam.model.kinematics.dh import DHRow, dh_chain
 from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.kinematics.spread import spread_postures
 from zerobeam.model.likelihood.density import Density
 from zerobeam.words.finding_words import accuracy_reason, tcp_words
 
@@ -131,7 +132,7 @@ def test_shoulder_and_elbow_add_up_by_their_levers():
     covariance[1, 2] = covariance[2, 1] = -0.4 * s2 * s3
     solution = by_hand(planar(), AT_FLANGE, [0, 0.01, -0.02], covariance)
     problem = solution.problem
-    postures = spread_postures(problem.robot.lower, problem.robot.upper, 4096)
+    postures = region_postures(problem, 4096)
     elbow = postures[:, 2] - 0.02
     r_squared = 400**2 + 300**2 + 2 * 400 * 300 * np.cos(elbow)
     both = 300 * (300 + 400 * np.cos(elbow))
@@ -225,7 +226,7 @@ def test_the_radius_allows_for_the_noise_that_is_estimated():
     """By its degrees of freedom: six here."""
     solution = judged(simulated_problem(good_plan(7, noise={"scale": "estimated"}), TABLE_2, seed=1)[1])
     problem, fit = solution.problem, solution.fit
-    joints = spread_postures(problem.robot.lower, problem.robot.upper, 4096)
+    joints = region_postures(problem, 4096)
     _, jacobian = tool_point(problem, fit.x, problem.tool.point, joints)
     of_point = jacobian @ arm_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
     assert solution.dof == 6
@@ -282,7 +283,7 @@ def test_cells_hold_the_postures_that_are_there():
         problem,
         fit.x,
         np.array([0, 0, 65.0]),
-        spread_postures(problem.robot.lower, problem.robot.upper, 4096),
+        region_postures(problem, 4096),
     )
     planes = {"vertical": (np.hypot(at[:, 0], at[:, 1]), at[:, 2]), "horizontal": (at[:, 0], at[:, 1])}
     for found in answer.maps:

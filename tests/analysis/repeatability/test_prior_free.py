@@ -10,9 +10,10 @@ from cells import good_plan, simulated
 from example_results import x_pattern
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.diagnostics.accuracy import spread_postures, tool_point
+from zerobeam.analysis.diagnostics.accuracy import tool_point
 from zerobeam.analysis.repeatability.compare import compare
 from zerobeam.analysis.status import has_numbers
+from zerobeam.analysis.tcp_region import region_postures
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.run import Run
 
@@ -52,7 +53,7 @@ def test_the_sensitivity_is_what_errors_of_the_offsets_do_to_the_tcp(run: Run) -
     found = analyse(run, ess=100.0)
     own, problem = found.result.accuracy, found.problem
     error_deg = np.array([0.0, 0.01, -0.02, 0.03, 0.01, -0.02])
-    joints = spread_postures(problem.robot.lower, problem.robot.upper, 4096)
+    joints = region_postures(problem, 4096)
     moved = found.fit.x.copy()
     moved[problem.parameters.block("offset")] += np.radians(error_deg)
     at, _ = tool_point(problem, found.fit.x, np.array(own.point_mm), joints)

@@ -67,11 +67,13 @@ def test_every_cell_is_drawn_in_its_class(result: Result) -> None:
     picture = workspace_picture(result)
     assert picture is not None
     own = result.accuracy.maps[0]
-    values = [value for row in own.before_mm.median for value in row if value is not None]
+    assert own.before95_mm is not None
+    values = [value for row in own.before95_mm.median for value in row if value is not None]
     every = [
         value
         for plane in result.accuracy.maps
-        for levels in (plane.before_mm, plane.after95_mm)
+        for levels in (plane.before95_mm, plane.after95_mm)
+        if levels is not None
         for grid in (levels.median, levels.worst)
         for row in grid
         for value in row

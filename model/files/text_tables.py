@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ....model.arrays import Matrix
-from ....model.errors import BadInput, located
-from ....model.kinematics.robot import Robot
-from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
+from ..arrays import Matrix
+from ..errors import BadInput, located
+from ..kinematics.pendant import Pendant
+from ..kinematics.robot import Robot
+from ..parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
 
 _LINES = 50  # of a file, to find its delimiter in
 _LINE_LENGTH = 100_000
@@ -76,6 +77,30 @@ def _joint(text: str, robot: Robot) -> int | None:
             return names.index(text)
     digits = text[1:] if text[:1] in ("j", "J") else text
     return int(digits) - 1 if digits.isdecimal() and 1 <= int(digits) <= robot.n else None
+
+
+def columns_as_on_pendant(table: TextTable, pendant: Pendant) -> list[int]:
+    """Index of the column of each joint in a table of the joints alone, in the pendant's order; BadInput for
+    a header row that says otherwise."""
+    robot, names = pendant.robot, list(table.names or ())
+    joint_names = [robot.joints[i].name for i in pendant.order]
+    if names and (len(names) != robot.n or (set(names) == set(joint_names) and names != joint_names)):
+        raise not_joints_alone(table, pendant)
+    return [pendant.order.index(i) for i in range(robot.n)]
+
+
+def not_joints_alone(table: TextTable, pendant: Pendant) -> BadInput:
+    """The error about a table of other columns, where none are named."""
+    robot = pendant.robot
+    joint_names = [robot.joints[i].name for i in pendant.order]
+    return BadInput(
+        "the columns are not just the joints in their order",
+        found=", ".join(table.names or ()) or f"{table.width} columns",
+        allowed=f"{robot.n} columns, in the pendant's order ({', '.join(joint_names)})",
+        remedy="name the columns of joint 1, 2, … in this order",
+        file=table.path,
+        line=table.header_line or None,
+    )
 
 
 def found_delimiter(text: str, decimal: str) -> str:
