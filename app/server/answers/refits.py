@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,19 +13,19 @@ from threadpoolctl import threadpool_limits
 from ....analysis.estimation.fit import fit_likelihood
 from ....analysis.estimation.tolerance_factors import with_open_factors
 from ....analysis.ladder import solve_run
-from ....analysis.solution import Solution, judge, require_noise_data
-from ....analysis.status import known
+from ....analysis.observability.causes import NullDirection
+from ....analysis.solution import ParameterResult, Solution, judge, require_noise_data
+from ....analysis.status import Verdict, known
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
-from ....model.records import it
+from ....model.records import it, record
 from ....words.message import headline
 from ....words.misfit_words import criterion_sentence
-from ....words.sentences import to_json
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import Content, Refused, end_point
+from ..requests import Refused, end_point
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
 
@@ -63,6 +63,30 @@ def _fitted(path: Path) -> FittedRun:
         return FittedRun(run, problem, solve_run(problem, run.header))
 
 
+@record(repr=False)
+class RefitRow(ParameterResult):
+    """A parameter without the measurements, and with all."""
+
+    before: Annotated[ParameterResult, it("by all measurements")] = field(kw_only=True)
+
+
+@record(kw_only=True)
+class Refit:
+    """The answer `without` some measurements."""
+
+    without: list[int]
+    measurements: int
+    of: Annotated[int, it("measurements of the run")]
+    verdict: Verdict
+    verdict_before: Verdict
+    headline: str
+    coverage_factor: float
+    parameters: Annotated[list[RefitRow], it("offsets and tool")]
+    lost: Annotated[list[str], it("parameters that are unidentifiable without them, and were not")]
+    null_space: tuple[NullDirection, ...]
+    misfit: list[str]
+
+
 @end_point(
     "POST /api/refit", "A run fitted again without some measurements: verdict, offsets before and after."
 )
@@ -75,10 +99,8 @@ def refit(
         it("numbers of the measurements to leave out"),
         Field(max_length=MOST_MEASUREMENTS),
     ] = (),
-) -> Content:
-    """The answer `without` some measurements: verdict, headline, offsets (as in result.json, with `before`:
-    their rows by all measurements), null-space directions, misfit; `lost` are the parameters that are
-    unidentifiable without them, and were not."""
+) -> Refit:
+    """The answer `without` some measurements."""
     fitted_run = fitted(folder.file(run))
     whole = fitted_run.solution
     solution = whole
@@ -87,7 +109,7 @@ def refit(
             solution = _without(fitted_run, without)
     before = {row.name: row for row in whole.parameters}
     offsets = [
-        to_json(row) | {"before": to_json(before[row.name])}
+        RefitRow(**vars(row), before=before[row.name])
         for row in solution.parameters
         if row.group in ("offset", "tool") and not row.tolerated
     ]
@@ -96,19 +118,19 @@ def refit(
         for row in solution.parameters
         if row.status == "unidentifiable" and known(before[row.name].status)
     ]
-    return {
-        "without": sorted(set(without)),
-        "measurements": solution.problem.shots,
-        "of": fitted_run.problem.shots,
-        "verdict": solution.verdict,
-        "verdict_before": whole.verdict,
-        "headline": headline(solution),
-        "coverage_factor": solution.coverage_factor,
-        "parameters": offsets,
-        "lost": lost,
-        "null_space": [to_json(one) for one in solution.null_space],
-        "misfit": list(map(criterion_sentence, solution.contradictions)),
-    }
+    return Refit(
+        without=sorted(set(without)),
+        measurements=solution.problem.shots,
+        of=fitted_run.problem.shots,
+        verdict=solution.verdict,
+        verdict_before=whole.verdict,
+        headline=headline(solution),
+        coverage_factor=solution.coverage_factor,
+        parameters=offsets,
+        lost=lost,
+        null_space=solution.null_space,
+        misfit=list(map(criterion_sentence, solution.contradictions)),
+    )
 
 
 def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
