@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,21 +22,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from pydantic import Field
 
 from ..model.arrays import Matrix
 from ..model.errors import BadInput, UnsoundResult
 from ..model.files.header import Header
-from ..model.likelihood.parameters import Group, Parameter
+from ..model.likelihood.parameters import Parameter
 from ..model.likelihood.problem import Problem
-from ..model.records import internal, it, record, worded
+from ..model.records import internal, it, record
 from .covariance import Covariance, Rows, ValuesByName, frame
 from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
-from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
+from .observability.causes import AtOptima, JudgedRow, LocalOptima, NullDirection, Unconverged, cause_for
 from .observability.geometry_result import (
     GeometryResult,
     Rung,
@@ -62,38 +61,17 @@ if TYPE_CHECKING:
 EQUALLY_GOOD = float(np.log(1000.0))
 
 
-@record(needed=("name", "unit", "status", "estimate", "std", "interval95", "group"), repr=False)
-class ParameterResult(ParameterRow):
-    """One row of the answer. `tolerated`: the prior is a tolerance, of the arm or of a calibrated tool; `dof`
-    are the effective degrees of freedom of `std`, infinite of known noise."""
+@record(needed=("name", "unit", "status", "estimate", "std", "interval95", "group"), repr=False, kw_only=True)
+class ParameterResult(JudgedRow, ParameterRow):
+    """One row of the answer; `dof` are the effective degrees of freedom of `std`, infinite of known noise."""
 
     claims = (*ParameterRow.claims, "midpoint", "tolerance_share")
 
-    group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
-    data_std: Annotated[
-        float | None,
-        it(
-            "standard uncertainty without prior; null if held, infinite, or undetermined between local optima"
-        ),
-    ]
-    prior_std: Annotated[float, it("standard deviation of the prior")]
     midpoint: Annotated[
         float | None,
         it("the paper's fit; null if unidentifiable or held, if that fit failed, and of a noise factor"),
     ]
-    cause: Annotated[Cause | None, internal]
-    tolerance_share: Annotated[
-        Annotated[float, Field(ge=0, lt=1)] | None,
-        it(
-            "of an offset: share of its variance that the tolerances of the geometry set; null for "
-            "nominal geometry"
-        ),
-    ] = None
-    tolerated: Annotated[bool, internal] = False
     dof: Annotated[float, internal] = math.inf
-    reason: Annotated[str | None, worded("why it is not `identified`, else null")] = field(
-        default=None, kw_only=True
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

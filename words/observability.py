@@ -15,6 +15,7 @@ from ..analysis.observability.causes import (
     CommonMotion,
     Equivalent,
     Held,
+    JudgedRow,
     LocalOptima,
     NoiseSplit,
     NotResolvable,
@@ -34,10 +35,9 @@ from ..analysis.observability.causes import (
     Unexplained,
     WithinTolerances,
 )
-from ..analysis.observability.check import Check, CheckedParameter
+from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
-from ..analysis.solution import ParameterResult
 from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
@@ -74,7 +74,7 @@ def _unit_of_tool(kind: str) -> str:
     return numbers.unit_of(kind_of(kind).words.unit)
 
 
-def reason_of(row: ParameterResult | CheckedParameter) -> str | None:
+def reason_of(row: JudgedRow) -> str | None:
     """Why a parameter is not `identified`."""
     return None if row.cause is None else reason(row.cause)
 

@@ -16,12 +16,11 @@ from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.diagnostics.predicted_run import PredictedRun
 from ..analysis.left_over import Contradiction
-from ..analysis.observability.causes import NullDirection
-from ..analysis.observability.check import Check, CheckedParameter
+from ..analysis.observability.causes import JudgedRow, NullDirection
+from ..analysis.observability.check import Check
 from ..analysis.pendant_check.pose_check import PendantCheck
 from ..analysis.posterior.posterior import PosteriorSummary
 from ..analysis.repeatability.compare import ComparedRun, Comparison
-from ..analysis.solution import ParameterResult
 from ..analysis.tcp_region import TcpRegion
 from ..model import records
 from . import comparison
@@ -49,8 +48,7 @@ def _failure(run: ComparedRun) -> str | None:
 
 # By the class of a record: what is said of it under each of its worded keys.
 WORDS: dict[type, dict[str, Callable[[Any], object]]] = {
-    ParameterResult: {"reason": reason_of},
-    CheckedParameter: {"reason": reason_of},
+    JudgedRow: {"reason": reason_of},
     NullDirection: {"reason": lambda one: reason(one.cause), "remedy": direction_remedy},
     LikelihoodSummary: {"message": likelihood_message},
     PosteriorSummary: {"message": posterior_message},

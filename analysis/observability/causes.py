@@ -9,9 +9,12 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Annotated, Literal
 
+from pydantic import Field
+
 from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ...model.records import internal, it, record, worded
+from ..row import StatusRow
 from ..status import Status
 
 MOST = 0.5  # of a variance that tolerances set: they are its reason
@@ -223,6 +226,33 @@ Cause = (
     | Equivalent
     | Unexplained
 )
+
+
+@record(repr=False, kw_only=True)
+class JudgedRow(StatusRow):
+    """A parameter with what was known of it beforehand. `cause` says why it has no number, or what its number
+    rests on; `tolerated`: its prior is a tolerance, of the arm or of a calibrated tool."""
+
+    status: Annotated[Status, it("what the data determine, or will")]
+    group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
+    data_std: Annotated[
+        float | None,
+        it(
+            "standard uncertainty without prior; null if held, infinite (an exact gauge), or undetermined"
+            " between local optima"
+        ),
+    ]
+    prior_std: Annotated[float, it("standard deviation of the prior")]
+    cause: Annotated[Cause | None, internal]
+    tolerance_share: Annotated[
+        Annotated[float, Field(ge=0, lt=1)] | None,
+        it(
+            "of an offset: share of its variance that the tolerances of the geometry set; null for "
+            "nominal geometry"
+        ),
+    ] = None
+    tolerated: Annotated[bool, internal] = False
+    reason: Annotated[str | None, worded("why it is not `identified`, else null")] = None
 
 
 How = Literal["replace", "add", "vary", "tolerances"]

@@ -12,16 +12,14 @@ from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
-from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
 from ..covariance import Rows, frame
 from ..estimation.threads import one_blas_thread
-from ..row import StatusRow
 from ..status import Status, Verdict, has_numbers, verdict_of, versions
 from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan
-from .causes import Cause, Tried, cause_for
+from .causes import JudgedRow, Tried, cause_for
 from .geometry_result import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import Outlook, Prospect, Prospects, of_run_or_plan
@@ -84,20 +82,10 @@ class Violation:
         return self.condition in ("behind", "facing", "beam", "sight", "arm", "unfit")
 
 
-@record(repr=False)
-class CheckedParameter(StatusRow):
-    """One unknown before the shots. `cause` says why it has no number, or what its number rests on;
-    `tolerated`: its prior is a tolerance."""
+@record(repr=False, kw_only=True)
+class CheckedParameter(JudgedRow):
+    """One unknown before the shots."""
 
-    status: Annotated[Status, it("what the data will determine")]
-    group: Annotated[Group, it("`offset`, `geometry`, `target`, `tool` or `noise`")]
-    data_std: Annotated[
-        float | None,
-        it(
-            "predicted standard uncertainty without prior; null for an infinite one (an exact gauge) "
-            "and for a held parameter"
-        ),
-    ]
     std: Annotated[
         float | None,
         it(
@@ -105,13 +93,6 @@ class CheckedParameter(StatusRow):
             " be the prior's, and for a held one"
         ),
     ]
-    prior_std: Annotated[float, it("standard deviation of the prior")]
-    cause: Annotated[Cause | None, internal]
-    tolerance_share: Annotated[float | None, it("as in a result")] = None
-    tolerated: Annotated[bool, internal] = False
-    reason: Annotated[str | None, worded("why it is not `identified`, else null")] = field(
-        default=None, kw_only=True
-    )
 
 
 class CheckedTable(Rows[CheckedParameter]):

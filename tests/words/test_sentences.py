@@ -63,7 +63,7 @@ def test_the_keys_are_those_of_the_design() -> None:
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "estimate", "std", "interval95", "group", "data_std", "prior_std"),
-        *("midpoint", "tolerance_share", "reason", "held"),
+        *("tolerance_share", "reason", "midpoint", "held"),
     ]
     assert list(answer["geometry"]) == [
         *("tolerance", "considered_tolerance"),
