@@ -57,10 +57,10 @@ def floor_sentence(result: Result) -> str | None:
     if entered is None or entered.tcp_best is None or entered.tcp_after is None:
         return None
     (after, _), (best, _) = error_words(entered.tcp_after), error_words(entered.tcp_best)
-    return (
-        f"Offsets alone leave {best} (median, {region_words(result.region)}) even if they are known exactly,"
-        f" since the links deviate: {after} is reached."
-    )
+    alone = f"Offsets alone leave {best} (median, {region_words(result.region)})"
+    if after == best:
+        return f"{alone}: better measurements do not lower it, since the links deviate."
+    return f"{alone} even if they are known exactly, since the links deviate: {after} is reached."
 
 
 def links_step(result: Result) -> tuple[str, str] | None:

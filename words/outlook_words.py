@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ..analysis.observability.outlook import BY_HAND_MIN, Outlook, OutlookRow
 from . import numbers
+from .region_words import region_words
 from .wording import counted, listed
 
 MOST_SHOWN = 3
@@ -111,8 +112,8 @@ def _floor(outlook: Outlook) -> list[str]:
         return []
     alone, links = (numbers.significant(each, 2, "mm") for each in (most.tcp_median_mm, most.links_median_mm))
     return [
-        f"With {most.shots} measurements the TCP is off by {alone} (median) with offsets alone, by {links}"
-        " where the links are entered as well."
+        f"With {most.shots} measurements the TCP is off by {alone} (median, {region_words(outlook.region)})"
+        f" with offsets alone, by {links} where the links are entered as well."
     ]
 
 

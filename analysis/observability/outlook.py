@@ -24,6 +24,7 @@ from ...model.likelihood.problem import Problem
 from ...model.records import it, key, record
 from ..estimation.threads import one_blas_thread
 from ..status import Status, known
+from ..tcp_region import TcpRegion, region_of
 from .better_postures import PostureSearch
 from .predictions import roots_with_ties
 from .remedies import Allowed
@@ -66,7 +67,7 @@ class OutlookRow:
     tcp_median_mm: Annotated[
         float | None,
         it(
-            "error of the TCP with the values entered, over the region of `entered`; null where it depends on"
+            "error of the TCP with the values entered, over `region`; null where it depends on"
             " an offset that is not determined"
         ),
     ]
@@ -100,6 +101,7 @@ class Outlook:
     minutes_each: Annotated[float, it("of a measurement")]
     measured: Annotated[bool, it("whether the run says so; else 1 minute by hand is assumed")]
     required_mm: Annotated[float | None, it("`required.tcp_mm` of the header")] = None
+    region: Annotated[TcpRegion | None, it("of the errors of the TCP")] = None
 
     @property
     @key(
@@ -197,7 +199,8 @@ class _Remedies:
         rows.sort(key=lambda row: (row.remedy == "mounting", -round(row.gain, 2), row.minutes))
         required = self.of.header.required
         measured = self.of.minutes_each is not None
-        return Outlook(now, tuple(rows), self.each, measured, None if required is None else required.tcp_mm)
+        required_mm, region = None if required is None else required.tcp_mm, region_of(self.problem.workspace)
+        return Outlook(now, tuple(rows), self.each, measured, required_mm, region)
 
     @cached_property
     def better(self) -> dict[int, Matrix]:

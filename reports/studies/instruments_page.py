@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ...analysis.tcp_region import region_of
 from ...experiments.studies.instrument_choice import InstrumentsStudy, SetupCase, SetupPlan
+from ...model.files.stated_workspace import CENTRAL_RANGES
 from ...words import numbers
+from ...words.region_words import region_words
 from ...words.wording import label
 from ..style.blocks import FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
@@ -44,6 +47,7 @@ def instruments_page(answer: InstrumentsStudy) -> Page:
                 ("Robot", settings.robot),
                 ("Noise of the joints", numbers.exact(settings.joint_deg, "°")),
                 ("TCP in the flange frame", ", ".join(map(numbers.exact, settings.tcp_mm)) + " mm"),
+                ("TCP error", region_words(region_of(CENTRAL_RANGES))),
                 ("Candidate postures of each setup", str(settings.candidates)),
                 ("Seed", str(settings.seed)),
             ],

@@ -11,7 +11,7 @@ import { Scene } from "../scene/Scene.js";
 /** @typedef {"before" | "after" | "residuals"} What */
 
 /** @type {[What, string][]} */
-const WHAT = [["before", "TCP error with nothing entered"], ["after", "TCP error with the values entered"], ["residuals", "Residuals"]];
+const WHAT = [["before", "TCP error at the measurements, nothing entered"], ["after", "TCP error at the measurements, values entered"], ["residuals", "Residuals"]];
 const LENGTH = 0.12; // of the arm's reach: how long the longest vector is at first
 const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 const LEAST_BALL = 0.006, BALL = 0.012; // of the arm's reach
