@@ -7,8 +7,9 @@ checks, hold-outs, acceptance tests, repeated runs and their drift, small studie
 Every number, status and name of each `result.json` and `study.json` is compared; times and versions are left
 aside. A number may differ by 1e-6 of the standard uncertainty that stands beside it, without one by 1e-6 of
 itself. Sentences may be worded anew: how many differ is printed, and they do not count. Exit status 1 where a
-number, a name or a status differs. The arms' recordings are read from `../shared/data`, or from the folder
-that ZEROBEAM_SHARED_DATA names.
+number, a name or a status differs. Write twice where kernels were not compiled yet: while they are, the last
+digits are others, and what is zero differs. The arms' recordings are read from `../shared/data`, or from the
+folder that ZEROBEAM_SHARED_DATA names.
 """
 
 from __future__ import annotations
