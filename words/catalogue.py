@@ -40,6 +40,7 @@ from ..analysis.observability.causes import (
     ToolRotation,
 )
 from ..analysis.observability.changes import ChangeAt, RunChange
+from ..analysis.observability.outlook import OutlookRow
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import known
 from ..analysis.tight_priors import TightPrior
@@ -69,9 +70,11 @@ from .observability import (
     assumed_steps,
     condition,
     direction_remedy,
+    helps_little,
     stating,
     unnoticed_sentence,
 )
+from .outlook_words import better_postures, plan_command
 from .wording import are, capital, clipped, listed, person
 
 
@@ -249,11 +252,22 @@ def _look_at_held_out(misfit: HeldOutMisfit, case: RunCase) -> str:
 
 
 def _determine(one: Open, case: RunCase) -> str:
-    return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
+    better = _better_postures(one, case)
+    to_do = direction_remedy(one.direction, person) if better is None else better[0]
+    return f"Enter nothing yet: {to_do}."
+
+
+def _better_postures(one: Open, case: RunCase) -> tuple[str, OutlookRow] | None:
+    """Where no change of one posture or joint is known to help enough."""
+    outlook = None if case.result is None else case.result.outlook
+    return better_postures(outlook, one.row) if helps_little(one.direction) else None
 
 
 def _plan_or_again(one: Open, case: RunCase) -> str | None:
-    return case.again if isinstance(one.direction.cause, _IN_THE_HEADER) else case.plan
+    if isinstance(one.direction.cause, _IN_THE_HEADER):
+        return case.again
+    better = _better_postures(one, case)
+    return case.plan if better is None else plan_command(case.planned, better[1])
 
 
 def _assumed_alone(case: RunCase) -> Iterator[list[Assumption]]:

@@ -167,6 +167,18 @@ def remedy(cause: Cause, name: Namer = str, tried: Tried | None = None) -> str:
     return f"{_change(tried)}; {_promise(tried, name)}"
 
 
+def helps_little(direction: NullDirection) -> bool:
+    """Whether the remedy of a direction is another plan, smaller tolerances, or a change that leaves what is
+    weak weak."""
+    tried = direction.tried
+    if tried is None:
+        return remedy(direction.cause) == _PLAN_ANEW
+    weak = all(each.before is not None for each in tried.predicted) and any(
+        each.after > each.tolerance for each in tried.predicted
+    )
+    return tried.how == "tolerances" or weak
+
+
 def direction_remedy(direction: NullDirection, name: Namer = str) -> str:
     """What to do about a direction."""
     return remedy(direction.cause, name, direction.tried)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from ..analysis.observability.outlook import BY_HAND_MIN, Outlook, OutlookRow
+from ..analysis.observability.outlook import Outlook, OutlookRow
 from . import numbers
 from .region_words import region_words
-from .wording import counted, listed
+from .wording import listed, person
 
 MOST_SHOWN = 3
 TITLE = "What would make it better"
@@ -31,7 +31,7 @@ def shown_remedies(outlook: Outlook, units: Mapping[str, str]) -> list[RemedyWor
     """The answer as it is, then what is shown first; nothing where nothing gains anything. `units` of all
     offsets, by name."""
     best = best_remedies(outlook)
-    return [remedy_words(row, units) for row in (outlook.now, *best)] if best else []
+    return [remedy_words(row, outlook.now, units) for row in (outlook.now, *best)] if best else []
 
 
 def best_remedies(outlook: Outlook) -> list[OutlookRow]:
@@ -39,12 +39,12 @@ def best_remedies(outlook: Outlook) -> list[OutlookRow]:
     return list(outlook.worth[:MOST_SHOWN])
 
 
-def remedy_words(row: OutlookRow, units: Mapping[str, str]) -> RemedyWords:
-    """`units` of the offsets that have columns, by name."""
+def remedy_words(row: OutlookRow, now: OutlookRow, units: Mapping[str, str]) -> RemedyWords:
+    """A remedy of the answer as it is `now`; `units` of the offsets that have columns, by name."""
     return RemedyWords(
         _remedy(row),
         tuple(_expanded(row.U[name], unit) if name in row.U else "—" for name, unit in units.items()),
-        _largest(row, units),
+        _largest(row, now, units),
         numbers.or_words(row.tcp_median_mm, _OPEN, "mm", 2),
         numbers.or_words(row.tcp_95_mm, _OPEN, "mm", 2),
         f"{row.minutes:.0f} min" if row.minutes else "—",
@@ -76,8 +76,11 @@ def _expanded(value: float | None, unit: str) -> str:
     return numbers.or_words(value, _OPEN, unit, 2)
 
 
-def _largest(row: OutlookRow, units: Mapping[str, str]) -> str:
-    """The largest U of the offsets, of each unit."""
+def _largest(row: OutlookRow, now: OutlookRow, units: Mapping[str, str]) -> str:
+    """The largest U of the offsets, of each unit; of a mounting the U of those that rest on it."""
+    resting = [name for name in row.U if name not in now.U]
+    if resting:
+        return "; ".join(f"{person(name)} {_expanded(row.U[name], units[name])}" for name in resting)
     if None in row.U.values():
         return _OPEN
     of_unit: dict[str, float] = {}
@@ -94,14 +97,32 @@ def plan_command(planned: str | None, row: OutlookRow) -> str | None:
     return f"{planned} {' '.join(row.options)} -o new-plan.yaml"
 
 
+def better_postures(outlook: Outlook | None, offset: Any) -> tuple[str, OutlookRow] | None:
+    """What to do where other postures bring an `offset` within its tolerance, as an imperative without a full
+    stop, and the remedy with the fewest measurements that does; None where none of them does."""
+    if outlook is None or offset.name not in outlook.now.U:
+        return None
+    name, unit, now = offset.name, offset.unit, outlook.now.U[offset.name]
+    rows = [(row, u) for row in outlook.by_postures if (u := row.U.get(name)) is not None]
+    first = next((row for row, u in rows if u <= outlook.enough.get(name, 0.0)), None)
+    if first is None:
+        return None
+    to = ", ".join(f"{_expanded(u, unit)} with {row.shots}" for row, u in rows)
+    return f"plan better postures: predicted U of {person(name)} {_expanded(now, unit)} → {to}", first
+
+
 def outlook_notes(outlook: Outlook) -> list[str]:
     """What the figures are, and whether what is required can be reached."""
     minutes = (
         f"A measurement took {numbers.significant(outlook.minutes_each, 2)} min in this run."
         if outlook.measured
-        else f"A measurement by hand is assumed to take {counted(round(BY_HAND_MIN), 'minute')}."
+        else f"A measurement by hand is assumed to take {numbers.exact(outlook.minutes_each, 'min')}."
     )
-    return [*_floor(outlook), *_required(outlook), minutes]
+    return [_region(outlook), *_floor(outlook), *_required(outlook), minutes]
+
+
+def _region(outlook: Outlook) -> str:
+    return f"TCP off: median and 95 % {region_words(outlook.region)}, with the values entered."
 
 
 def _floor(outlook: Outlook) -> list[str]:
@@ -112,8 +133,8 @@ def _floor(outlook: Outlook) -> list[str]:
         return []
     alone, links = (numbers.significant(each, 2, "mm") for each in (most.tcp_median_mm, most.links_median_mm))
     return [
-        f"With {most.shots} measurements the TCP is off by {alone} (median, {region_words(outlook.region)})"
-        f" with offsets alone, by {links} where the links are entered as well."
+        f"With {most.shots} measurements the TCP is off by {alone} (median) with offsets alone, by {links}"
+        " where the links are entered as well."
     ]
 
 

@@ -19,6 +19,7 @@ from ..analysis.observability.check import (
     Unreachable,
     Violation,
 )
+from ..analysis.observability.outlook import OutlookRow
 from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from . import numbers
@@ -42,11 +43,13 @@ from .observability import (
     condition,
     determined,
     direction_remedy,
+    helps_little,
     over_target_sentence,
     power_sentences,
     reason,
     stating,
 )
+from .outlook_words import better_postures, plan_command
 from .plan_words import plan_sentence, violation_sentence, violation_words
 from .wording import Namer, capital, counted, ended, listed, person, sentence
 
@@ -67,7 +70,18 @@ def _why_open_in(one: Open, check: Check) -> str:
 
 
 def _change_plan(one: Open, check: Check) -> str:
-    return capital(direction_remedy(one.direction, person))
+    better = _better_postures(one, check)
+    return capital(direction_remedy(one.direction, person) if better is None else better[0])
+
+
+def _better_postures(one: Open, check: Check) -> tuple[str, OutlookRow] | None:
+    """Where no change of one posture or joint is known to help enough."""
+    return better_postures(check.outlook, one.row) if helps_little(one.direction) else None
+
+
+def _plan_changed(one: Open, check: Check) -> str | None:
+    better = _better_postures(one, check)
+    return None if better is None else plan_command(planned_anew(check), better[1])
 
 
 def _change_postures(first: Violation, check: Check) -> str:
@@ -121,10 +135,19 @@ PLAN: tuple[FindingEntry[Check], ...] = (
         "doubt",
         _why_open_in,
         _change_plan,
+        _plan_changed,
         place="cause",
         found=_open_in("unidentifiable"),
     ),
-    FindingEntry("a weak offset", "doubt", _why_open_in, _change_plan, place="cause", found=_open_in("weak")),
+    FindingEntry(
+        "a weak offset",
+        "doubt",
+        _why_open_in,
+        _change_plan,
+        _plan_changed,
+        place="cause",
+        found=_open_in("weak"),
+    ),
     FindingEntry(
         "assumed offsets alone",
         "doubt",
@@ -230,5 +253,7 @@ def tried_change(check: Check) -> Tried | None:
     """The change of the postures that the message of a weak or degenerate plan suggests; None where it
     suggests none."""
     open_ = next((row.finding for row in rows_of(check, PLAN) if isinstance(row.finding, Open)), None)
-    tried = None if open_ is None else open_.direction.tried
+    if open_ is None or _better_postures(open_, check) is not None:
+        return None
+    tried = open_.direction.tried
     return None if tried is None or tried.joint is None else tried

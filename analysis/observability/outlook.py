@@ -37,7 +37,6 @@ _DETERMINED = 0.5  # of its prior: an offset of which the measurements alone lea
 _NOTHING = 1e-6  # of a prior's information
 _CLOSER = 5.0  # times: what is measured of a mounting next to what is assumed
 WORTH = 0.1  # a relative gain from which a remedy is worth a row
-BY_HAND_MIN = 1.0  # minutes of a measurement by hand, where a run does not say what it took
 MOUNTING_MIN = 15.0  # minutes to measure the mounting of an instrument
 REPEATED = 2  # postures that are measured again
 
@@ -98,10 +97,17 @@ class Outlook:
 
     now: Annotated[OutlookRow, it("the answer as it is")]
     remedies: Annotated[tuple[OutlookRow, ...], it("the largest gain first")]
+    region: Annotated[TcpRegion, it("over which the error of the TCP is predicted, as in a result")]
     minutes_each: Annotated[float, it("of a measurement")]
-    measured: Annotated[bool, it("whether the run says so; else 1 minute by hand is assumed")]
+    measured: Annotated[
+        bool,
+        it("whether the run says so; else it is assumed, as of a person with this kind of instrument"),
+    ]
     required_mm: Annotated[float | None, it("`required.tcp_mm` of the header")] = None
-    region: Annotated[TcpRegion | None, it("of the errors of the TCP")] = None
+
+    enough: Annotated[
+        dict[str, float], it("by offset, the U up to which it counts as identified, degrees or millimetres")
+    ] = field(default_factory=dict)
 
     @property
     @key(
@@ -115,6 +121,12 @@ class Outlook:
         if self.required_mm is None or not known_errors:
             return None
         return min(known_errors) <= self.required_mm
+
+    @property
+    def by_postures(self) -> tuple[OutlookRow, ...]:
+        """The remedies that are other postures, the fewest measurements first."""
+        rows = (row for row in self.remedies if row.remedy in ("postures", "more"))
+        return tuple(sorted(rows, key=lambda row: row.shots))
 
     @property
     def worth(self) -> tuple[OutlookRow, ...]:
@@ -181,7 +193,8 @@ class _Remedies:
         self.never = np.flatnonzero([any(one.std is None for one in some) for some in rests_on])
         known_now = np.array([known(status) for status in prospect.status], dtype=np.bool_)
         self.known_now: Mask = known_now[self.problem.parameters.free]
-        self.each = BY_HAND_MIN if prospect.minutes_each is None else prospect.minutes_each
+        by_hand = float(np.mean([kind.minutes for kind in prospect.header.kinds.values()]))
+        self.each = by_hand if prospect.minutes_each is None else prospect.minutes_each
         self.forecast = TcpForecast(self.problem, prospect.x, prospect.status)
         if prospect.estimated:
             parameters = self.problem.parameters
@@ -198,9 +211,19 @@ class _Remedies:
         rows = [row for row in rows if row.gain > 0]
         rows.sort(key=lambda row: (row.remedy == "mounting", -round(row.gain, 2), row.minutes))
         required = self.of.header.required
-        measured = self.of.minutes_each is not None
-        required_mm, region = None if required is None else required.tcp_mm, region_of(self.problem.workspace)
-        return Outlook(now, tuple(rows), self.each, measured, required_mm, region)
+        return Outlook(
+            now=now,
+            remedies=tuple(rows),
+            region=region_of(self.problem.workspace),
+            minutes_each=self.each,
+            measured=self.of.minutes_each is not None,
+            required_mm=None if required is None else required.tcp_mm,
+            enough={
+                item.name: COVERAGE * item.tolerance * item.display
+                for item in self.of.items
+                if item.group == "offset"
+            },
+        )
 
     @cached_property
     def better(self) -> dict[int, Matrix]:

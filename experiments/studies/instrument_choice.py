@@ -51,7 +51,9 @@ class StatedPart(FileModel):
     """What an instrument does in a setup."""
 
     share: Count = Field(default=1, description="its measurements for one of another with the share 1")
-    minutes: Positive = Field(description="what a measurement takes, minutes")
+    minutes: Positive | None = Field(
+        default=None, description="what a measurement takes, minutes (default: as its kind does a person)"
+    )
 
 
 class StatedSetup(FileModel):
@@ -202,7 +204,8 @@ def _case(piece: _SetupToPlan) -> SetupCase:
     for count in content.measurements:
         counts = {label: max(round(count * part.share / whole), 1) for label, part in parts.items()}
         proposal = planner.optimal(counts, seed=piece.seed, starts=4)
-        minutes = sum(counts[label] * part.minutes for label, part in parts.items())
+        each = {label: part.minutes or header.kinds[label].minutes for label, part in parts.items()}
+        minutes = sum(counts[label] * each[label] for label in parts)
         minutes += (proposal.travel_s or 0.0) / 60
         plans.append(_predicted(header, robot, proposal, counts, minutes, np.array(content.tcp_mm)))
     return SetupCase(setup.name, setup.cost, tuple(plans))

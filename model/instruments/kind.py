@@ -213,9 +213,9 @@ class Instrument(ABC):
     zero, and the joints are turned until it is. A `beam` has a direction and a length, and is steered by the
     wrist onto a detector; what is none has all joints to meet its target. `entered` says in words what a
     person reads off for each of the columns, `headed` over which columns of a sheet, one a number, it is
-    written. `title` is what a person chooses it by, `mark` the shape by which its target is drawn, or the
-    instrument itself where it has none. Where a free one `turns` about the
-    last axis as that joint does, the last offset is held. One is `grounded` that knows where the base is:
+    written. `title` is what a person chooses it by, `minutes` what a measurement takes them, `mark` the shape
+    by which its target is drawn, or the instrument itself where it has none. Where a free one `turns` about
+    the last axis as that joint does, the last offset is held. One is `grounded` that knows where the base is:
     then the first offset is determined.
     """
 
@@ -230,6 +230,7 @@ class Instrument(ABC):
     entered: ClassVar[Mapping[str, str]] = {}
     headed: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     title: ClassVar[str] = ""
+    minutes: ClassVar[float] = 1.0
     mark: ClassVar[Mark] = "point"
     words: ClassVar[Words]
 

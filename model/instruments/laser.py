@@ -31,6 +31,7 @@ class LaserBeam(FlangeTool):
     free_sigma = (3.0, 10.0)
     beam = True
     title = "Laser and PSD"
+    minutes = 2.0
     mark = "psd"
     words = Words(
         is_="a beam that must pass the target",

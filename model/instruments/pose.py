@@ -107,6 +107,7 @@ class PoseStation(FramedStation):
     reading_size = 13
     Stated: ClassVar[type[FileModel]] = StatedPose
     title = "Pose camera"
+    minutes = 0.2
     mark = "pose"
     words = Words(
         is_="an instrument that measures position and orientation of a body on the flange",

@@ -24,6 +24,7 @@ class ProbeTip(FlangeTool):
     target = "socket"
     free_sigma = (3.0, 50.0)
     title = "Probe in a socket"
+    minutes = 2.0
     words = Words(
         is_="a tip that must meet it",
         part="probe tip",

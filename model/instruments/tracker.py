@@ -160,6 +160,7 @@ class Tracker(FramedStation):
     reading_size = 7
     Stated: ClassVar[type[FileModel]] = StatedTracker
     title = "Laser tracker"
+    minutes = 0.3
     mark = "tracker"
     words = Words(
         is_="an instrument that measures the position of reflectors on the flange",

@@ -15,7 +15,6 @@ from ...words.outlook_words import (
     outlook_notes,
     plan_command,
     remedy_words,
-    shown_remedies,
 )
 from ...words.wording import person
 from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
@@ -31,7 +30,7 @@ def outlook_blocks(
     shown = best_remedies(outlook) if brief else list(outlook.remedies)
     every = [outlook.now, *shown]
     units = {row.name: row.unit for row in rows if any(row.name in one.U for one in every)}
-    words = shown_remedies(outlook, units) if brief else [remedy_words(one, units) for one in every]
+    words = [remedy_words(one, outlook.now, units) for one in every]
     heads = ["largest U"] if brief else [f"U of {person(name)}" for name in units]
     cells = [
         row_of(one.remedy, *([one.largest] if brief else one.U), one.tcp_median, one.tcp_95, one.minutes)

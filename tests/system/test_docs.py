@@ -229,6 +229,7 @@ OPEN = {
     "at_twice",
     "combination",
     "consider",
+    "enough",
     "header",
     "observability",
     "state",

@@ -19,6 +19,7 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import OutsideLimits, check
 from zerobeam.analysis.observability.outlook import Outlook, OutlookRow
 from zerobeam.analysis.observability.predictions import OverTarget
+from zerobeam.analysis.tcp_region import TcpRegion
 from zerobeam.experiments.procedure.events import Ended
 from zerobeam.reports.output.terminal import print_blocks, print_page, table_lines
 from zerobeam.reports.plan.check_page import check_page
@@ -62,7 +63,7 @@ def better() -> Outlook:
         0.99,
         ("--shots", "12", "--facing=any"),
     )
-    return Outlook(now, (more,), 1.0, measured=False)
+    return Outlook(now, (more,), TcpRegion("central"), 1.0, measured=False)
 
 
 def test_a_check_that_is_degenerate_with_notes() -> None:
