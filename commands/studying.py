@@ -36,7 +36,6 @@ def _carry_out(
     Its options are those of every study. Finished cases are kept next to the folder, which is written whole
     or not at all, to go on with; once the study is written they are no longer needed.
     """
-    from ..experiments.studies.answer import to_json
     from ..reports.output.whole_folder import check_target
     from ..reports.studies.kinds import study_page
     from ..reports.studies.study_folder import study_kind, write_study
@@ -54,7 +53,7 @@ def _carry_out(
             say(f"The finished cases are kept in {store}: the same command goes on with them.", to=err)
         raise
     store.unlink(missing_ok=True)
-    show_answer(as_json, to_json(answer), lambda: study_page(answer).brief, study=paths.html)
+    show_answer(as_json, answer, lambda: study_page(answer).brief, study=paths.html)
     raise typer.Exit(0 if answer.agrees else 1)
 
 

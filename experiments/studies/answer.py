@@ -1,4 +1,4 @@
-"""Fields common to the answers of all studies, and the one writer of `study.json` (docs/files-studies.md).
+"""Fields common to the answers of all studies (`study.json`, docs/files-studies.md).
 
 Units are those that people read (deg, mm, s). What a plan does not identify has no number, save in a
 control, which is wrong on purpose: the dataclasses refuse to be made otherwise.
@@ -8,25 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from pydantic import JsonValue
 from scipy import special, stats
 
 from ...analysis.status import Status, require_no_more_than
 from ...analysis.status import versions as installed_versions
-from ...model import records
 from ...model.arrays import Matrix
 from ...model.likelihood.problem import Problem
 
-SCHEMA = "zerobeam/study/1"
+SCHEMA: Final = "zerobeam/study/1"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyAnswer:
     """The question, the answer in a sentence, and whether all that must agree agrees."""
 
+    schema: Literal["zerobeam/study/1"] = SCHEMA
     study: str
     title: str
     headline: str
@@ -152,11 +151,6 @@ def require_sound(subject: str, control: bool, parameters: Iterable[ObservedPara
             predicted_std=row.predicted_std,
             coverage=row.shares or None,
         )
-
-
-def to_json(answer: StudyAnswer) -> dict[str, JsonValue]:
-    """The content of `study.json`."""
-    return {"schema": SCHEMA, **records.to_json(answer)}
 
 
 def accuracy(error: Matrix, std: Matrix) -> ErrorStatistics:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from ...experiments.studies.answer import SCHEMA, StudyAnswer, to_json
+from ...experiments.studies.answer import SCHEMA, StudyAnswer
+from ...model.records import to_json
 from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from .kinds import study_of, study_of_file
 

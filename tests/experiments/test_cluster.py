@@ -17,11 +17,11 @@ from zerobeam.analysis.status import versions
 from zerobeam.experiments import cluster as clusters
 from zerobeam.experiments.cluster import about, cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side, worked
-from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.experiments.studies.drift_coverage import drift_study
 from zerobeam.experiments.studies.geometry_coverage import _piece
 from zerobeam.model.errors import BadInput, WorkersLost
+from zerobeam.model.records import to_json
 
 distributed = pytest.importorskip("distributed")
 from dask_clusters import answers, local_workers, scheduler_elsewhere, study_bytes  # noqa: E402

@@ -19,8 +19,8 @@ import pytest
 
 from zerobeam.experiments.processes import side_by_side
 from zerobeam.experiments.studies import coverage
-from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.coverage import StudiedPlan, coverage_study
+from zerobeam.model.records import to_json
 
 
 def answers(work: Callable[[Any], Any], jobs: Iterable[Any]) -> dict[int, Any]:

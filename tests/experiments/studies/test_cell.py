@@ -16,9 +16,10 @@ from scipy import stats
 
 from zerobeam.analysis.solution import Solution
 from zerobeam.experiments.studies import cell as module
-from zerobeam.experiments.studies.answer import accuracy, held_share, share_interval, to_json
+from zerobeam.experiments.studies.answer import accuracy, held_share, share_interval
 from zerobeam.experiments.studies.campaign import CellRun, carried, seeds_of
 from zerobeam.experiments.studies.cell import CellPlanStudied, cell_study, studied_plans
+from zerobeam.model.records import to_json
 
 RUNS = 2
 

@@ -9,7 +9,6 @@ from scipy import stats
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import coverage
-from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.coverage import (
     BINS,
     DRAWS,
@@ -23,6 +22,7 @@ from zerobeam.experiments.studies.data_sets import Estimates, drawn, fitted
 from zerobeam.model import records
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.records import to_json
 
 SEED = 3
 COUNT = 100

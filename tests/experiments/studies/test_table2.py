@@ -12,7 +12,6 @@ from scipy import stats
 
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import table2
-from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.cell import paper_plan
 from zerobeam.experiments.studies.data_sets import DataSets, fitted
 from zerobeam.experiments.studies.laser_plans import laser_header
@@ -28,6 +27,7 @@ from zerobeam.experiments.studies.table2 import (
     table2_study,
     unevenness,
 )
+from zerobeam.model.records import to_json
 
 DOF = 2
 TRUTH = dict(zip(OFFSETS, EXPERIMENTS.mean(axis=0).tolist(), strict=True))

@@ -25,7 +25,8 @@ from made_once import made_once
 from pages import Page
 from study_text import printed, tables_of, texts_of, untrue, words
 
-from zerobeam.experiments.studies.answer import StudyAnswer, to_json
+from zerobeam.experiments.studies.answer import StudyAnswer
+from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
 from zerobeam.reports.studies.kinds import study_of, study_page
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED

@@ -39,8 +39,9 @@ from made_once import made_once
 from pages import Page, assert_fetches_nothing
 from study_text import cells, printed, tables_of, text_of, texts_of, words
 
-from zerobeam.experiments.studies.answer import StudyAnswer, to_json
+from zerobeam.experiments.studies.answer import StudyAnswer
 from zerobeam.model.errors import UnsoundResult
+from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.kinds import study_of, study_page

@@ -25,8 +25,8 @@ from example_sweeps import (
 from pages import Page
 from study_text import is_rounded, printed, tables_of, untrue, words
 
-from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy, RunErrors
+from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
 from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED

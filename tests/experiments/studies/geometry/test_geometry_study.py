@@ -14,7 +14,6 @@ from scipy import stats
 
 from zerobeam.experiments.studies import coverage
 from zerobeam.experiments.studies import geometry_coverage as module
-from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.geometry_coverage import (
     CLOSE,
     CLOSE_MEASUREMENTS,
@@ -30,6 +29,7 @@ from zerobeam.experiments.studies.geometry_coverage import (
     with_tolerance,
 )
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.records import to_json
 from zerobeam.words import numbers
 
 FEW_ARMS, ARMS, LONG_ARMS = 3, 40, 1000

@@ -20,7 +20,6 @@ from zerobeam.analysis.status import Verdict
 from zerobeam.experiments.plans.candidates import View, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.data_sets import DataSets, drawn, fitted
 from zerobeam.experiments.studies.sweeps import sweep as module
 from zerobeam.experiments.studies.sweeps.grid_answer import (
@@ -35,6 +34,7 @@ from zerobeam.experiments.studies.sweeps.sweep import FALSE_ALARM, judged, refit
 from zerobeam.experiments.studies.sweeps.sweep_findings import findings, headline
 from zerobeam.model.errors import BadInput, UnsoundResult
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.records import to_json
 
 RUNS = 24
 CASE = TypeAdapter(GridCase)  # as finished cases are kept
