@@ -39,7 +39,7 @@ from ..analysis.observability.causes import (
     OnAxis,
     ToolRotation,
 )
-from ..analysis.observability.changes import ChangeAt, RunChange
+from ..analysis.observability.changes import ChangeAt, RepeatsDiffer, RunChange
 from ..analysis.observability.outlook import OutlookRow
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import known
@@ -71,8 +71,8 @@ from .observability import (
     condition,
     direction_remedy,
     helps_little,
+    remaining,
     stating,
-    unnoticed_sentence,
 )
 from .outlook_words import better_postures, plan_command
 from .wording import are, capital, clipped, listed, person
@@ -220,6 +220,14 @@ def _look_for_change(change: RunChange, case: RunCase) -> str:
     return f"Look for what changed {' or '.join(what)} during the run, and record the run again."
 
 
+def _measure_again(change: RepeatsDiffer, case: RunCase) -> str:
+    again = measurements(change.again[0], change.again[-1])
+    return (
+        f"Enter nothing yet: measure the postures of {again} once more. If they differ again, look for what"
+        f" changed {_changed(change)}, and record the run again."
+    )
+
+
 def _changed(at: ChangeAt) -> str:
     return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
 
@@ -327,7 +335,7 @@ def _unchecked(result: Result, case: RunCase) -> Iterable[str]:
 
 
 def _unnoticed(result: Result, case: RunCase) -> Iterable[str]:
-    return some(unnoticed_sentence(case.power)) if case.verdict == "pass" else ()
+    return remaining(case.power) if case.verdict == "pass" else ()
 
 
 def _unjudged(result: Result, case: RunCase) -> Iterable[str]:
@@ -398,6 +406,14 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         _finding,
         remedy=f"Enter nothing yet. {_ESTIMATE_LINKS}",
         command=_again,
+        colour="weak",
+    ),
+    FindingEntry(
+        RepeatsDiffer,
+        "stop",
+        _finding,
+        _measure_again,
+        about="measurements",
         colour="weak",
     ),
     FindingEntry(HeldOutMisfit, "stop", _finding, remedy=_look_at_held_out, command=_again, colour="weak"),

@@ -21,12 +21,14 @@ from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
 from ..analysis.misfit import ExactDoubted
+from ..analysis.observability.changes import RepeatsDiffer
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
 from . import numbers
-from .misfit_words import criterion_sentence
+from .misfit_words import change_words, criterion_sentence, measurements
+from .numbers import p_words
 from .numbers import significant as rounded
 from .observability import reason
-from .wording import Namer, be, clipped, label, listed
+from .wording import Namer, be, capital, clipped, label, listed
 
 MOST_NAMED = 10
 _USELESS = {
@@ -88,8 +90,8 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             )
         case RobustNotConverged(reason=why):
             return f"The robust fit did not converge ({why}): it is not shown"
-        case Outlying(measurements, robust):
-            named = _measurements(measurements[:MOST_NAMED])
+        case Outlying(outlying, robust):
+            named = _measurements(outlying[:MOST_NAMED])
             if robust:
                 return (
                     f"Outlying by the robust fit: {named}. Check before you rely on the estimates of the"
@@ -98,6 +100,12 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             return (
                 f"Outlying: {named}; the residual is far larger than the stated noise. Check before you"
                 " rely on the rest"
+            )
+        case RepeatsDiffer(p_value=p_value, again=again):
+            return (
+                f"{capital(measurements(again[0], again[-1]))} {'repeats' if len(again) == 1 else 'repeat'}"
+                f" earlier ones and {'does' if len(again) == 1 else 'do'} not agree with them"
+                f" ({p_words(p_value)}), as if {change_words(finding)}"
             )
         case FileWarning(text):
             return text

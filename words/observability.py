@@ -37,7 +37,7 @@ from ..analysis.observability.causes import (
 )
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
-from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
+from ..analysis.observability.power import NOTICED, DetectionPower, WrongModel, harm
 from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
@@ -508,32 +508,34 @@ def over_target_sentence(check: Check) -> str | None:
 
 
 def outlook_lines(check: Check) -> list[str]:
-    """Which errors a run of the plan detects, and the plan with the target elsewhere."""
-    lines = power_sentences(check.power)
-    if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
-        lines.append(f"A pass of such a run holds if {subject_to}.")
+    """Which errors a run of a plan that passes detects and what it can hide, and the plan with the target
+    elsewhere."""
+    lines = list[str]()
+    if check.verdict == "pass":
+        lines += power_sentences(check.power)
+        if (subject_to := condition(check.power)) is not None:
+            lines.append(f"A pass of such a run holds if {subject_to}.")
     over_target = over_target_sentence(check)
     return lines if over_target is None else [*lines, over_target]
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
-    """Which wrong models a run detects, and the errors of the offsets by those that it may not detect and
-    that do harm."""
+    """Which wrong models a run detects, and what of the others a pass can hide."""
     noticed = [wrong_words(each) for each in powers if each.noticed]
-    missed = [_missed_words(each) for each in powers if each.harmful]
+    if not noticed:
+        return remaining(powers)
     level = f"{100 * NOTICED:.0f} % or more"
-    sentences = (
-        [f"A run of this plan detects {listed(noticed)} with a probability of {level}."] if noticed else []
-    )
-    return [*sentences, *([f"A run of this plan may not detect {listed(missed)}."] if missed else [])]
+    return [
+        f"A run of this plan detects {listed(noticed)} with a probability of {level}.",
+        *remaining(powers),
+    ]
 
 
-_MOST_MISSED = 6
 _OF_THE_RUN: frozenset[WrongModel] = frozenset({"jump", "drift", "moved"})  # that repeated postures show
 # What a pass is subject to, by the wrong models with which a run may pass.
 _CONDITIONS: tuple[tuple[frozenset[WrongModel], str], ...] = (
     (_OF_THE_RUN, "nothing changed during the run"),
-    (frozenset({"reading", "backlash", "noise"}), "the readings are right to their stated noise"),
+    (frozenset({"reading", "typing", "backlash", "noise"}), "the readings are right to their stated noise"),
     (frozenset({"arm", "tool", "beam"}), "the arm and the tool are within their tolerances"),
 )
 
@@ -546,22 +548,39 @@ def condition(powers: Sequence[DetectionPower]) -> str | None:
     return listed(parts) if parts else None
 
 
-def unnoticed_sentence(powers: Sequence[DetectionPower]) -> str | None:
-    """The wrong models with which a run may pass and have wrong offsets, each at its worst size."""
-    missed = [
-        f"{wrong_words(replace(each, size=float(f'{each.worst_size:.2g}')))} ({100 * each.risk:.0f} %)"
-        for each in powers
-        if each.dangerous and each.worst_size is not None
-    ]
-    if not missed:
-        return None
-    text = (
-        "A pass does not exclude the following (in brackets: the share of such runs that pass with an offset"
-        f" wrong by more than {LIMIT_U:g} standard uncertainties): {listed(missed, _MOST_MISSED)}."
-    )
-    if any(each.dangerous and each.wrong in _OF_THE_RUN for each in powers):
-        text += " The first postures, measured again at the end of a run, show what changed during it."
-    return text
+_MOST_REMAINING = 3
+# What reveals wrong models, one remedy for each group.
+_REVEALS: tuple[tuple[frozenset[WrongModel], str], ...] = (
+    (_OF_THE_RUN, "Measure the first postures again at the end, or more of them (--repeat)"),
+    (frozenset({"reading", "typing"}), "Measure every posture twice (--repeat)"),
+    (frozenset({"backlash"}), "Come to every posture from the same side"),
+    (frozenset({"noise"}), "State the noise as it is, or have it estimated (noise: {scale: estimated})"),
+    (frozenset({"arm"}), "Measure more postures, or state how far the arm may deviate (geometry)"),
+    (frozenset({"tool", "beam"}), "Measure how the tool is mounted, and state it (tool.sigma)"),
+)
+
+
+def remaining(powers: Sequence[DetectionPower]) -> list[str]:
+    """What a pass does not exclude of what does harm, the most harmful first: what to do about it, and what
+    can hide without that."""
+    sentences: list[tuple[float, str]] = []
+    for wrong, remedy in _REVEALS:
+        rows = [each for each in powers if each.dangerous and each.wrong in wrong and each.hidden_offset]
+        if rows:
+            worst = max(rows, key=harm)
+            sentences.append((harm(worst), f"{remedy}: else {_hidden_words(worst)}."))
+    return [text for _, text in sorted(sentences, key=lambda one: -one[0])][:_MOST_REMAINING]
+
+
+def _hidden_words(power: DetectionPower) -> str:
+    """What a pass can hide, and what that does."""
+    assert power.hidden_size is not None
+    assert power.hidden_offset is not None
+    size = replace(power, size=float(f"{power.hidden_size:.2g}"), joint=power.hidden_joint)
+    at_tcp = power.hidden_tcp_mm
+    mm = "" if at_tcp is None else f", the TCP by {numbers.significant(at_tcp, 2, 'mm')}"
+    offset = numbers.significant(power.hidden_offset, 2, "deg")
+    return f"{wrong_words(size)} can hide, and puts an offset off by {offset}{mm}"
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:
@@ -593,13 +612,15 @@ def wrong_words(power: DetectionPower) -> str:
         case "arm":
             return f"an arm {numbers.exact(power.size)} times its tolerances off"
         case "drift":
-            return f"a drift of {size} in the zero of joint {power.joint}"
+            return f"a drift of the zero of J{power.joint} by {size}"
         case "reading":
             return f"one reading {size} off"
+        case "typing":
+            return f"one joint value {size} off"
         case "moved":
             return f"a target moved by {size}"
         case "jump":
-            return f"a jump of {size} in the zero of joint {power.joint}"
+            return f"a jump of the zero of J{power.joint} by {size}"
         case "backlash":
             return f"backlash of {size}"
         case "noise":

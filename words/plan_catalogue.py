@@ -45,8 +45,8 @@ from .observability import (
     direction_remedy,
     helps_little,
     over_target_sentence,
-    power_sentences,
     reason,
+    remaining,
     stating,
 )
 from .outlook_words import better_postures, plan_command
@@ -184,7 +184,7 @@ PLAN: tuple[FindingEntry[Check], ...] = (
     FindingEntry(
         "what a run may not show",
         "note",
-        found=lambda check: (text for text in power_sentences(check.power) if "may not detect" in text),
+        found=lambda check: remaining(check.power) if check.verdict == "pass" else (),
     ),
 )
 

@@ -14,6 +14,7 @@ from ..diagnostics.outliers import OUTLYING, Robust
 from ..diagnostics.predicted_run import PredictedRun
 from ..holm import holm
 from ..misfit import Criterion, ExactDoubted, exact_doubted
+from ..observability.changes import RepeatsDiffer, repeats_differ
 from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution, undecided_names
 from ..status import LACK_OF_FIT
@@ -97,6 +98,7 @@ Finding = (
     | HeldOutMisfit
     | RobustNotConverged
     | Outlying
+    | RepeatsDiffer
     | FileWarning
 )
 
@@ -110,8 +112,8 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
         undecided = undecided_names(solution.identified.facts.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
     if solution.converged and solution.misfit is None:
-        doubted = exact_doubted(solution.fit)
-        yield from () if doubted is None else (doubted,)
+        doubted = exact_doubted(solution.fit), repeats_differ(solution.problem, solution.fit.x)
+        yield from (one for one in doubted if one is not None)
 
 
 def without_a_result(solution: Solution, held_out: PredictedRun | None = None) -> Iterator[Finding | HoldOut]:

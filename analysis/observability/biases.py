@@ -93,6 +93,7 @@ class Biases(Linearised):
         places = np.flatnonzero(counts)
         self.joints: Index = places - parameters.block("offset").start
         self.std = std * parameters.prior_std[places]
+        self.display = np.array([parameters.items[i].display for i in places])
 
     def squares(self, square: Matrix, u: Matrix) -> Matrix:
         """(k,) the noncentralities of the squares of residuals and tolerances."""

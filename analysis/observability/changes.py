@@ -27,6 +27,12 @@ from .geometry_result import with_links
 SIGNIFICANT = 1e-4
 FEWEST = 2  # measurements before and after a change
 
+# p-value of the clearest change by what was measured again: one run in a hundred is doubted for nothing, and
+# the remedy is to measure those postures once more.
+DOUBTFUL = 0.01
+_SAME = {"revolute": np.radians(3.0), "prismatic": 10.0}  # rad, mm: of one posture, as a servo turns it
+_MOST = 1000  # measurements, of which those that end where they began are looked for
+
 How = Literal["jump", "drift"]
 
 
@@ -56,6 +62,58 @@ class RunChange(Contradiction, ChangeAt):
 
     p_value: float
     elsewhere: Annotated[tuple[ChangeAt, ...], internal]
+
+
+@record
+class RepeatsDiffer(ChangeAt):
+    """The measurements `again` do not agree with those that they repeat: not so clearly that the run is
+    refuted. `p_value` is that of a difference as clear among all that is tested."""
+
+    p_value: float
+    again: tuple[int, ...]
+
+
+def repeated(problem: Problem) -> Index:
+    """The places of the measurements with which a run ends as it began: each in a posture of its first half,
+    but for how a servo turns the wrist, at the same target. Empty where it does not."""
+    order, count = np.argsort(problem.shot_numbers, kind="stable"), problem.shots
+    near = np.array([_SAME[joint.kind] for joint in problem.robot.joints])
+    joints, targets = problem.joints[order], problem.target_index[order]
+    again = 0
+    while FEWEST < count - again <= _MOST:
+        last, first = count - 1 - again, min((count - again) // 2, count - again - FEWEST)
+        same = (np.abs(joints[:first] - joints[last]) < near).all(axis=1)
+        if not (same & (targets[:first] == targets[last])).any():
+            break
+        again += 1
+    return np.asarray(order[count - again :])
+
+
+def repeats_differ(problem: Problem, x: Matrix) -> RepeatsDiffer | None:
+    """What changed by what was measured again, at the mode x (p,): before it, halfway or steadily; None where
+    nothing did, where nothing was measured again, and where the noise is not known."""
+    again = repeated(problem)
+    if not problem.noise.known or not len(again):
+        return None
+    fit = Linearised(problem, x)
+    tried = sorted(_by_repeats(fit, again), key=lambda row: row.p_value)
+    p_value = tried[0].p_value * _repeat_tests(problem) if tried else 1.0
+    if p_value >= DOUBTFUL:
+        return None
+    numbers = tuple(problem.shot_numbers[i] for i in again)
+    return RepeatsDiffer(**vars(tried[0].of), p_value=p_value, again=numbers)
+
+
+def repeat_limit(problem: Problem, rank: int = 1) -> float:
+    """The chi-squared of this rank beyond which what was measured again differs; infinite where nothing
+    was."""
+    if not len(repeated(problem)):
+        return float("inf")
+    return float(scipy.special.chdtri(rank, DOUBTFUL / _repeat_tests(problem)))
+
+
+def _repeat_tests(problem: Problem) -> int:
+    return 3 * (problem.robot.n + len(problem.targets))
 
 
 def change_limit(problem: Problem, rank: int = 1) -> float:
@@ -108,37 +166,70 @@ class _Tried(NamedTuple):
     score: float
 
 
+class _Moves(NamedTuple):
+    """By how much a unit of the zero of `joint` (from 1), or of where a `target` is, moves the whitened
+    residuals of each measurement, (N, d, k); `shown` is that unit in `unit`."""
+
+    parts: Matrix
+    joint: int | None
+    target: str | None
+    unit: str
+    shown: float
+
+
+def _moves(fit: Linearised) -> Iterator[_Moves]:
+    """Of each joint and target; an amount of one unit is determined where its information is 1."""
+    problem = fit.problem
+    for i, joint in enumerate(problem.robot.joints):
+        turns = joint.kind == "revolute"
+        unit, size, shown = ("deg", np.radians(1.0), 1.0) if turns else ("mm", 10.0, 10.0)
+        yield _Moves(fit.by_joints[:, :, [i]] * size, i + 1, None, unit, shown)
+    for k, name in enumerate(problem.targets):
+        mine = (problem.target_index == k)[:, None, None]
+        yield _Moves(mine * fit.by_target * DETERMINED_MM, None, name, "mm", DETERMINED_MM)
+
+
 def _clearest(fit: Linearised) -> Iterator[_Tried]:
     """The clearest jump and the drift of each joint, and the drift of each target."""
     problem, order = fit.problem, fit.order
     numbers = [problem.shot_numbers[i] for i in order]
-    passed = elapsed(order, len(order))[:, None, None]
-    for i, joint in enumerate(problem.robot.joints):
-        turns = joint.kind == "revolute"
-        unit, size, shown = ("deg", np.radians(1.0), 1.0) if turns else ("mm", 10.0, 10.0)
-        parts: Matrix = fit.by_joints[:, :, [i]] * size
-        ends = [*zip(numbers[FEWEST - 1 :], numbers[FEWEST : len(numbers) - FEWEST + 1], strict=False)]
-        yield from _best(fit, fit.after(parts, order, FEWEST), "jump", i + 1, None, ends, unit, shown)
-        whole = [(numbers[0], numbers[-1])]
-        yield from _best(fit, fit.of(fit.rows(parts * passed)), "drift", i + 1, None, whole, unit, shown)
-    for k, name in enumerate(problem.targets):
-        mine = order[problem.target_index[order] == k]
-        if len(mine) >= 2 * FEWEST:
-            course = elapsed(mine, len(order))[:, None, None]
-            drift = fit.of(fit.rows(fit.by_target * course * DETERMINED_MM))
-            whole = [(problem.shot_numbers[mine[0]], problem.shot_numbers[mine[-1]])]
-            yield from _best(fit, drift, "drift", None, name, whole, "mm", DETERMINED_MM)
+    ends = [*zip(numbers[FEWEST - 1 :], numbers[FEWEST : len(numbers) - FEWEST + 1], strict=False)]
+    for moves in _moves(fit):
+        mine = order
+        if moves.target is not None:
+            mine = order[problem.target_index[order] == problem.targets.index(moves.target)]
+            if len(mine) < 2 * FEWEST:
+                continue
+        else:
+            yield from _best(fit, fit.after(moves.parts, order, FEWEST), "jump", moves, ends)
+        drift = fit.of(fit.rows(moves.parts * elapsed(mine, len(order))[:, None, None]))
+        yield from _best(
+            fit, drift, "drift", moves, [(problem.shot_numbers[mine[0]], problem.shot_numbers[mine[-1]])]
+        )
+
+
+def _by_repeats(fit: Linearised, again: Index) -> Iterator[_Tried]:
+    """The clearest jump, halfway or before what is measured again, and the drift of each joint and target."""
+    order, count = fit.order, len(fit.order)
+    numbers, jumps = [fit.problem.shot_numbers[i] for i in order], (count // 2, count - len(again))
+    after = np.zeros((len(jumps), count, 1, 1))
+    for course, first in zip(after, jumps, strict=True):
+        course[order[first:]] = 1.0
+    ends = [(numbers[first - 1], numbers[first]) for first in jumps]
+    passed = elapsed(order, count)[:, None, None]
+    for moves in _moves(fit):
+        either = Hypotheses.stacked([fit.of(fit.rows(moves.parts * course)) for course in after])
+        yield from _best(fit, either, "jump", moves, ends)
+        drift = fit.of(fit.rows(moves.parts * passed))
+        yield from _best(fit, drift, "drift", moves, [(numbers[0], numbers[-1])])
 
 
 def _best(
     fit: Linearised,
     hypotheses: Hypotheses,
     how: How,
-    joint: int | None,
-    target: str | None,
+    moves: _Moves,
     ends: Sequence[tuple[int, int]],
-    unit: str,
-    shown: float,
 ) -> Iterator[_Tried]:
     """The clearest of changes between these measurements, in units of what is tested; none where the
     measurements do not determine it."""
@@ -150,6 +241,7 @@ def _best(
     values, along = explained.values[best][known], explained.along[best][known]
     shift = along / values
     size = float(np.linalg.norm(shift))
+    _, joint, target, unit, shown = moves
     amount = size if joint is None else -float(explained.vectors[best][0, 0] * shift[0])
     std = float(np.sqrt((shift**2 / values).sum())) / size
     one = ChangeAt(how, joint, target, *ends[best], amount * shown, std * shown, unit)

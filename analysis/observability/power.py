@@ -5,14 +5,16 @@ and tolerances (`LikelihoodFit.against_noise`) is the sum of their squares by it
 change (`changes`, `displacement`) b'M b; the power is the probability that the better of both is beyond what
 chance leaves. The other tests of a misfit notice more: it is a lower bound. The risk is the probability that
 a run passes and has an offset that is wrong by more than 4 u, at the size of the wrong model at which it is
-largest (the consumer's risk of JCGM 106): what a fit leaves and what it moves are independent.
+largest (the consumer's risk of JCGM 106): what a fit leaves and what it moves are independent. What a
+pass can hide is the error, in degrees and at the TCP, by the largest wrong model that is noticed with less
+than 95 %.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 import scipy
@@ -20,19 +22,23 @@ import scipy
 from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.problem import Problem
 from ...model.records import it, key, record
-from ..status import LACK_OF_FIT, known
+from ..status import LACK_OF_FIT, Status, known
+from ..tcp_positions import default_point, moving_by_nominal, tool_point, undetermined_offsets
+from ..tcp_region import region_postures
 from .biases import Biases, revolute, tool_items
-from .changes import FEWEST, change_limit
+from .changes import FEWEST, change_limit, repeat_limit
 from .identifiability import Identified
 
-WrongModel = Literal["tool", "beam", "arm", "jump", "drift", "moved", "reading", "backlash", "noise"]
+WrongModel = Literal[
+    "tool", "beam", "arm", "jump", "drift", "moved", "reading", "typing", "backlash", "noise"
+]
 
 NOTICED = 0.8  # power from which on a wrong model counts as noticed
 HARMLESS = 1.0  # error of an offset, in its u, below which a wrong model need not be noticed
 LIMIT_U = 4.0  # error of an offset, in its standard uncertainty, that a pass must not have
 MOST_RISK = 0.01  # probability of that with which a pass needs no condition
 TOOL_MM, BEAM_DEG, ARM_TIMES = 1.0, 0.3, 3.0
-JUMP_DEG, DRIFT_DEG, MOVED_MM, READING_MM = 0.2, 0.1, 1.0, 1.0
+JUMP_DEG, DRIFT_DEG, MOVED_MM, READING_MM, TYPING_DEG = 0.2, 0.1, 1.0, 1.0, 1.0
 BACKLASH_DEG, NOISE_TIMES = 0.03, 3.0
 _SPLITS = 8  # random halves that exchanges begin with
 _MORE = 1e-9  # relative: less is no improvement
@@ -47,11 +53,15 @@ _LARGEST: dict[WrongModel, float] = {
     "drift": 0.5,
     "moved": 10.0,
     "reading": 10.0,
+    "typing": 5.0,  # what is farther from the plan is questioned
     "backlash": 0.2,
     "noise": 10.0,
 }
 _MOST_OFF = 14.0  # error of an offset, in u, up to which it is
 _LOOKS = np.linspace(0.0, 1.0, 55)[1:]
+_HIDES = 0.95  # probability with which what a pass cannot hide is noticed
+_HALVINGS = 12  # of the size that is noticed just often enough
+_TCP_POSTURES = 64
 
 _LOOKED_AT = 3  # joints, targets and directions of which the risk is worked out
 
@@ -72,7 +82,8 @@ class DetectionPower:
             "the zero of `joint`, from the first measurement to the last; `backlash`: every joint is "
             "off by that, one way or the other; `noise`: readings scatter so many times as much; "
             "`arm`: the geometry is so many times its tolerance off; `moved`: a target, halfway "
-            "through its measurements or steadily; `reading`: one measurement at the spot"
+            "through its measurements or steadily; `reading`: one measurement at the spot; `typing`: one"
+            " joint of one measurement"
         ),
     ]
     size: Annotated[float, it("of the wrong thing")]
@@ -90,6 +101,22 @@ class DetectionPower:
         ),
     ] = 0.0
     worst_size: Annotated[float | None, it("that size")] = None
+    hidden_size: Annotated[
+        float | None,
+        it(
+            "the largest size that a run detects with less than 0.95, of those that are looked at: a pass can"
+            " hide it"
+        ),
+    ] = None
+    hidden_offset: Annotated[
+        float | None, it("the largest error of an offset by that, deg (mm), which is not merely `assumed`")
+    ] = None
+    hidden_tcp_mm: Annotated[
+        float | None,
+        it("the error of the TCP by that, the median over the region; null where the TCP is not determined"),
+    ] = None
+
+    hidden_joint: Annotated[int | None, it("its joint, from 1, else null")] = None
 
     @property
     def noticed(self) -> bool:
@@ -114,11 +141,8 @@ def powers(problem: Problem, x: Matrix, identified: Identified) -> tuple[Detecti
 
     None where the noise is estimated, or no number is left: nothing is tested then, and nothing noticed.
     """
-    dof = problem.data_size - identified.facts.rank
-    if not problem.noise.known or dof <= 0:
-        return ()
-    counted = np.array([known(status) for status in identified.status])
-    return tuple(_Powers(Biases(problem, x, counted), dof).rows())
+    every = _Powers.of(problem, x, identified)
+    return () if every is None else tuple(every.rows())
 
 
 def halves(problem: Problem, x: Matrix) -> tuple[Index, Index]:
@@ -139,6 +163,13 @@ def halves(problem: Problem, x: Matrix) -> tuple[Index, Index]:
         second = rng.permutation(second)
         ends.append(_exchanged(form, second))
     return max(ends, key=lambda end: end[0])[1]
+
+
+def change_risk(problem: Problem, x: Matrix, identified: Identified) -> float:
+    """The risks of what may change during a run, all together: a zero that jumps, one that drifts, a target
+    that moves."""
+    every = _Powers.of(problem, x, identified)
+    return 0.0 if every is None else sum(row.risk for row in every.of_the_run())
 
 
 def _exchanged(form: Matrix, second: Mask) -> tuple[float, tuple[Index, Index]]:
@@ -171,9 +202,28 @@ class _Power(NamedTuple):
 class _Powers:
     """The wrong models of a run."""
 
-    def __init__(self, biases: Biases, dof: int) -> None:
+    def __init__(self, biases: Biases, dof: int, status: Sequence[Status]) -> None:
         self._biases, self._dof = biases, dof
         self._limit = float(scipy.special.chdtri(dof, LACK_OF_FIT))
+        self._by_tcp = _by_tcp(biases, status)
+
+    @classmethod
+    def of(cls, problem: Problem, x: Matrix, identified: Identified) -> Self | None:
+        """None where nothing is tested."""
+        dof = problem.data_size - identified.facts.rank
+        if not problem.noise.known or dof <= 0:
+            return None
+        counted = np.array([known(status) for status in identified.status])
+        return cls(Biases(problem, x, counted), dof, identified.status)
+
+    def of_the_run(self) -> Iterator[DetectionPower]:
+        """What may change during it."""
+        problem = self._biases.problem
+        if joints := revolute(problem):
+            yield self._of_joints("jump", JUMP_DEG, joints, _second_half(problem.shots))
+            yield self._of_joints("drift", DRIFT_DEG, joints, _steady(problem.shots))
+        if (problem.shots >= 2 * FEWEST) and (moved := list(self._of_targets())):
+            yield _riskiest(moved)
 
     def rows(self) -> Iterator[DetectionPower]:
         """Each with a joint, a target and a direction, those of the largest risk."""
@@ -184,14 +234,11 @@ class _Powers:
             yield self._along("beam", BEAM_DEG, "deg", tilts)
         if len(arm := _tolerated_arm(problem)):
             yield self._of_arm(arm)
+        yield from self.of_the_run()
         joints = revolute(problem)
-        if joints:
-            yield self._of_joints("jump", JUMP_DEG, joints, _second_half(problem.shots))
-            yield self._of_joints("drift", DRIFT_DEG, joints, _steady(problem.shots))
-        if (problem.shots >= 2 * FEWEST) and (moved := list(self._of_targets())):
-            yield _riskiest(moved)
         yield self._of_reading()
         if joints:
+            yield self._of_typing(joints)
             yield self._of_backlash(joints)
         yield self._of_noise()
 
@@ -212,9 +259,8 @@ class _Powers:
         before = biases.errors(u)
         by_end = biases.joints[:, None] == np.array(joints)
         after = before - by_end * (np.radians(size) / biases.std)[:, None]
-        off = np.maximum(np.abs(before), np.abs(after)).max(axis=0, initial=0.0)
-        limit = change_limit(biases.problem)
-        return self._worst(wrong, size, "deg", square, u, off=off, joints=joints, directed=(limit, 1))
+        limit = min(change_limit(biases.problem), repeat_limit(biases.problem))
+        return self._worst(wrong, size, "deg", square, u, (before, after), joints, (limit, 1))
 
     def _of_targets(self) -> Iterator[DetectionPower]:
         """A target that is moved halfway through its measurements, or drifts from the first to the last; both
@@ -227,7 +273,9 @@ class _Powers:
             return
         places = sum(max(0, int(n) - 1) for n in np.bincount(index))
         moved = float(scipy.special.chdtri(3, LACK_OF_FIT / places))
-        courses = (_second_half, moved), (_steady, change_limit(biases.problem, 3))
+        again = repeat_limit(biases.problem, 3)
+        limits = (min(moved, again), min(change_limit(biases.problem, 3), again))
+        courses = zip((_second_half, _steady), limits, strict=True)
         for course, limit in courses:
             every = []
             for rows in targets:
@@ -244,8 +292,18 @@ class _Powers:
         biases = self._biases
         lengths = biases.problem.tool.lengths
         parts = biases.by_spot @ _directions_of(lengths, biases.by_spot.shape[2]) * READING_MM
-        u = np.einsum("nda,ndk->ank", biases.roots, parts).reshape(biases.roots.shape[2], -1)
-        return self._worst("reading", READING_MM, "mm", (parts**2).sum(axis=1).ravel(), u)
+        return self._of_one("reading", READING_MM, "mm", parts)
+
+    def _of_typing(self, joints: list[int]) -> DetectionPower:
+        """One joint of one measurement."""
+        parts = self._biases.by_joints[:, :, joints] * np.radians(TYPING_DEG)
+        return self._of_one("typing", TYPING_DEG, "deg", parts)
+
+    def _of_one(self, wrong: WrongModel, size: float, unit: str, parts: Matrix) -> DetectionPower:
+        """One measurement alone that is off by one of its columns (N, d, k)."""
+        roots = self._biases.roots
+        u = np.einsum("nda,ndk->ank", roots, parts).reshape(roots.shape[2], -1)
+        return self._worst(wrong, size, unit, (parts**2).sum(axis=1).ravel(), u)
 
     def _worst(
         self,
@@ -254,20 +312,20 @@ class _Powers:
         unit: str,
         square: Matrix,
         u: Matrix,
-        *,
-        off: Matrix | None = None,
+        errors: tuple[Matrix, ...] = (),
         joints: Sequence[int] | None = None,
         directed: tuple[float, int] | None = None,
     ) -> DetectionPower:
         """Of biases with the squares (k,) and u (f, k), by a wrong model of this `size`, that of the largest
-        risk; `off` (k,) the errors of the offsets where they are not those of the fit, `directed` the
-        limit and the rank of a test of its own."""
+        risk, with what the worst of them can hide; `errors` (o, k) of the offsets, in their u, where they are
+        not those of the fit, `directed` the limit and the rank of a test of its own."""
         biases = self._biases
         squares, left = biases.squares(square, u), biases.left(square, u)
-        off = biases.off(u) if off is None else off
+        errors = errors or (biases.errors(u),)
+        off = np.abs(errors).max(axis=(0, 1), initial=0.0)
         # The risk grows with the error over the noncentrality, as far as the sizes reach.
         best = np.argsort(-(off**2) / np.maximum(squares, 1e-12))[:_LOOKED_AT]
-        cases = []
+        cases, most = [], _LARGEST[wrong] / size
         for k in {*best.tolist(), int(np.argmax(off))}:
             powers = _Power(self._limit, self._dof, float(squares[k]))
             alone = None if directed is None else _Power(*directed, float(left[k]))
@@ -276,14 +334,49 @@ class _Powers:
             def power(times: Matrix, powers: _Power = powers, alone: _Power | None = alone) -> Matrix:
                 return powers.at(times) if alone is None else np.maximum(powers.at(times), alone.at(times))
 
-            risk, worst = _risk(
-                power, float(off[k]), _LARGEST[wrong] / size, lambda error: _beyond(error, 1.0)
-            )
-            probability = float(power(np.ones(1))[0])
+            risk, worst = _risk(power, float(off[k]), most, lambda error: _beyond(error, 1.0))
+            times = _hidden(power, most)
+            each = [self._harm(part[:, k] * biases.std) for part in errors]
+            offset, tcp = max(each, key=lambda harm: (harm[1] or 0.0, harm[0]))
             cases.append(
-                DetectionPower(wrong, size, unit, probability, float(off[k]), joint, risk, worst * size)
+                DetectionPower(
+                    wrong,
+                    size,
+                    unit,
+                    float(power(np.ones(1))[0]),
+                    float(off[k]),
+                    joint,
+                    risk,
+                    worst * size,
+                    times * size,
+                    times * offset,
+                    None if tcp is None else times * tcp,
+                )
             )
-        return _riskiest(cases)
+        most_hidden = max(cases, key=harm)
+        return replace(
+            _riskiest(cases),
+            hidden_size=most_hidden.hidden_size,
+            hidden_offset=most_hidden.hidden_offset,
+            hidden_tcp_mm=most_hidden.hidden_tcp_mm,
+            hidden_joint=most_hidden.joint,
+        )
+
+    def _harm(self, errors: Matrix) -> tuple[float, float | None]:
+        """By errors (o,) of the offsets, rad or mm: the largest, deg (mm), and the TCP's, mm."""
+        largest = float(np.abs(errors * self._biases.display).max(initial=0.0))
+        if self._by_tcp is None:
+            return largest, None
+        return largest, float(np.median(np.linalg.norm(self._by_tcp @ errors, axis=1)))
+
+    def _random_harm(self, covariance: Matrix) -> tuple[float, float | None]:
+        """The same by random errors of the offsets with this covariance (o, o): their std."""
+        stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        largest = float((stds * self._biases.display).max(initial=0.0))
+        if self._by_tcp is None:
+            return largest, None
+        squares = np.einsum("pka,ab,pkb->p", self._by_tcp, covariance, self._by_tcp)
+        return largest, float(np.sqrt(np.median(np.maximum(squares, 0.0))))
 
     def _of_backlash(self, joints: list[int]) -> DetectionPower:
         """One way or the other in each measurement: over all ways the noncentrality has a mean and a
@@ -293,13 +386,13 @@ class _Powers:
         us = np.einsum("nda,ndj->naj", biases.roots, each)
         apart = np.einsum("ndi,ndj->nij", each, each)
         through = us.transpose(0, 2, 1) @ (biases.taken @ us)
-        spread = biases.taken @ np.einsum("nai,nbi->ab", us, us)
+        gram = np.einsum("nai,nbi->ab", us, us)
+        spread = biases.taken @ gram
         mean = float(np.trace(apart + through, axis1=1, axis2=2).sum())
         square = float((apart * (apart + 2 * through)).sum() + np.trace(spread @ spread))
-        off = float(np.sqrt(((biases.into @ us) ** 2).sum(axis=(0, 2))).max(initial=0.0))
         most = _LARGEST["backlash"] / BACKLASH_DEG
-        row, worst = self._random("backlash", BACKLASH_DEG, "deg", mean, square, off, most)
-        return replace(row, worst_size=worst * BACKLASH_DEG)
+        row, sizes = self._random("backlash", BACKLASH_DEG, "deg", mean, square, gram, most)
+        return replace(row, worst_size=sizes[0] * BACKLASH_DEG, hidden_size=sizes[1] * BACKLASH_DEG)
 
     def _of_noise(self) -> DetectionPower:
         """More noise, by its variance over the stated."""
@@ -309,8 +402,7 @@ class _Powers:
         # The form of the readings' errors has these sums of its eigenvalues and of their squares.
         first = readings + float(np.trace(through))
         second = readings + float(2 * np.trace(through) + (through * through.T).sum())
-        off = float(np.sqrt(np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0).max(initial=0.0)))
-        return self._larger("noise", NOISE_TIMES, first, second, off)
+        return self._larger("noise", NOISE_TIMES, first, second, gram)
 
     def _of_arm(self, which: Index) -> DetectionPower:
         """All deviations of an arm larger than their tolerances, or one of them alone."""
@@ -318,37 +410,76 @@ class _Powers:
         columns = biases.jacobian[:, which]
         u = biases.free.T @ columns
         form = columns.T @ columns + u.T @ biases.taken @ u
-        errors = biases.errors(u)
-        off = float(np.sqrt((errors**2).sum(axis=1).max(initial=0.0)))
-        every = self._larger("arm", ARM_TIMES, float(np.trace(form)), float((form**2).sum()), off)
+        every = self._larger("arm", ARM_TIMES, float(np.trace(form)), float((form**2).sum()), u @ u.T)
         single = self._worst("arm", 1.0, "1", (columns**2).sum(axis=0), u)
         if every.risk >= single.risk:
             return every
         return replace(every, risk=single.risk, worst_size=single.worst_size)
 
     def _larger(
-        self, wrong: WrongModel, times: float, mean: float, square: float, off: float
+        self, wrong: WrongModel, times: float, mean: float, square: float, gram: Matrix
     ) -> DetectionPower:
         """What is normal, its std so many `times` the stated: by the first and second moments of its squares
-        in the residuals and the std of the error of an offset, at once the stated."""
+        in the residuals and the covariance (f, f) of u, at once the stated."""
         more = times**2 - 1
         most = float(np.sqrt((_LARGEST[wrong] ** 2 - 1) / more))
-        row, worst = self._random(wrong, times, "1", more * mean, more**2 * square, np.sqrt(more) * off, most)
-        return replace(row, worst_size=float(np.sqrt(1 + more * worst**2)))
+        row, sizes = self._random(wrong, times, "1", more * mean, more**2 * square, more * gram, most)
+        worst, hidden = (float(np.sqrt(1 + more * size**2)) for size in sizes)
+        return replace(row, worst_size=worst, hidden_size=hidden)
 
     def _random(
-        self, wrong: WrongModel, size: float, unit: str, mean: float, square: float, off: float, most: float
-    ) -> tuple[DetectionPower, float]:
+        self,
+        wrong: WrongModel,
+        size: float,
+        unit: str,
+        mean: float,
+        square: float,
+        gram: Matrix,
+        most: float,
+    ) -> tuple[DetectionPower, tuple[float, float]]:
         """A random wrong model: the mean of its squares in the residuals, the sum of the squares of their
-        form, the std of the error of an offset; and how many times as large its risk is largest."""
+        form, the covariance (f, f) of u; and how many times as large its risk is largest, and is hidden."""
 
         def power(times: Matrix) -> Matrix:
             variance = 2 * self._dof + 4 * mean * times**2 + 2 * square * times**4
             return _of_moments(self._limit, self._dof + mean * times**2, variance)
 
+        errors = self._biases.into @ gram @ self._biases.into.T
+        off = float(np.sqrt(np.diag(errors).max(initial=0.0)))
         risk, worst = _risk(power, off, most, lambda error: _beyond(0.0, np.sqrt(1 + error**2)))
-        probability = float(power(np.ones(1))[0])
-        return DetectionPower(wrong, size, unit, probability, float(off), None, risk), worst
+        probability, hidden = float(power(np.ones(1))[0]), _hidden(power, most)
+        offset, tcp = self._random_harm(errors * np.outer(self._biases.std, self._biases.std))
+        row = DetectionPower(wrong, size, unit, probability, off, None, risk)
+        row = replace(row, hidden_offset=hidden * offset, hidden_tcp_mm=None if tcp is None else hidden * tcp)
+        return row, (worst, hidden)
+
+
+def _by_tcp(biases: Biases, status: Sequence[Status]) -> Matrix | None:
+    """(P, 3, o) of the TCP over the region by the offsets that count; None where it is not determined."""
+    problem = biases.problem
+    block = problem.parameters.block("offset")
+    point, _ = default_point(problem, status[block.stop - 1] in ("unidentifiable", "held", "assumed"))
+    joints = region_postures(problem, _TCP_POSTURES)
+    if (moving_by_nominal(problem, point, joints) & undetermined_offsets(problem, status)).any():
+        return None
+    _, by_arm = tool_point(problem, problem.parameters.prior_mean, point, joints)
+    return np.asarray(by_arm[:, :, block.start + biases.joints])
+
+
+def harm(power: DetectionPower) -> float:
+    """By which what a pass can hide is ranked: at the TCP, mm, else of an offset, deg (mm)."""
+    return power.hidden_tcp_mm or power.hidden_offset or 0.0
+
+
+def _hidden(power: _PowerBy, most: float) -> float:
+    """How many times the row's size, up to `most`, is just not noticed."""
+    low, high = 0.0, most
+    if power(np.array([high]))[0] < _HIDES:
+        return high
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if power(np.array([middle]))[0] >= _HIDES else (middle, high)
+    return low
 
 
 def _risk(power: _PowerBy, off: float, most: float, wrong: Callable[[Matrix], Matrix]) -> tuple[float, float]:
