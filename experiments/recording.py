@@ -25,7 +25,7 @@ from ..words.wording import listed
 from .acceptance_files import offsets_to_enter
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Ended, Listener, RunOpened
-from .procedure.order import Adaptive, InTurn, Order, WithClosing
+from .procedure.order import Adaptive, InTurn, Order, WithRepeats
 from .procedure.session import Procedure, ProcedureResult, recorded_event, state_of
 from .rigs.abb.access import Caution, ControllerAccess
 from .rigs.abb.driver import AbbRig
@@ -97,6 +97,7 @@ def corrected_arm(path: Path, plan: Plan, cell: CellFile | None, *, as_found: bo
     return CorrectedArm(path.name, run.sha256, values, not as_found)
 
 
+_REPEAT = 2  # measurements of an adaptive run that are made again at its end
 _LED = ("manual", "live")  # rigs that a person, or another program, moves
 
 
@@ -298,9 +299,12 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
 def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
     """The order of the postures, and the adaptive order within it (it says why the run ended), if any."""
     enough = request.enough(plan)
-    adaptive = None if enough is None else Adaptive(plan, enough)
+    adaptive = None if enough is None else Adaptive(plan, enough, request.gain)
     order: Order = adaptive or InTurn(len(plan.postures))
-    return WithClosing(order, len(plan.postures)) if request.closing else order, adaptive
+    repeat = 0 if adaptive is None else _REPEAT if request.repeat is None else request.repeat
+    if repeat or request.closing:
+        order = WithRepeats(order, len(plan.postures), repeat, each_target=request.closing)
+    return order, adaptive
 
 
 def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | AbbRig, Provenance]:

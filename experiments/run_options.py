@@ -45,6 +45,13 @@ class RunOptions:
         float | None,
         Option("With --adaptive: the standard uncertainty that is enough (deg; mm). Default: the plan's."),
     ] = None
+    gain: Annotated[
+        float | None,
+        Option(
+            "With --adaptive: end when the next measurement lowers no U by this much an hour (deg; mm).",
+            least=1e-9,
+        ),
+    ] = None
     host: Annotated[str | None, Option("ABB: address of the controller.")] = None
     port: Annotated[int, Option("ABB: port of Robot Web Services.", least=1, most=65535)] = 80
     egm_port: Annotated[int, Option("ABB: own UDP port for EGM.", least=1, most=65535)] = 6510
@@ -78,6 +85,14 @@ class RunOptions:
         Literal["ground", "link"] | None,
         Option("Manual: what joint 3 is counted from, if not as the robot file states."),
     ] = None
+    repeat: Annotated[
+        int | None,
+        Option(
+            "With --adaptive: how many measurements are made again at the end (2). Else the plan says.",
+            least=0,
+            most=10_000,
+        ),
+    ] = None
     closing: Annotated[bool, Option("Measure the first posture again at the end: has the PSD moved?")] = False
     force: Annotated[
         bool,
@@ -98,6 +113,13 @@ class RunOptions:
         """BadInput for options that contradict each other, or are for another rig."""
         if self.tolerance is not None and not self.adaptive:
             raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
+        if self.gain is not None and not self.adaptive:
+            raise BadInput("--gain is for an adaptive run", remedy="add --adaptive, or leave it out")
+        if self.repeat is not None and not self.adaptive:
+            raise BadInput(
+                "--repeat is for an adaptive run: else the plan says what is measured again",
+                remedy="add --adaptive, or make the plan with --repeat",
+            )
         if self.sensors is not None and self.kind not in ("live", "abb", "manual"):
             raise BadInput(
                 "--sensors is for real sensors", remedy="add --rig abb, manual or a controller's address"

@@ -240,6 +240,7 @@ def optimal_plan(
     target: Sequence[float] | None = None,
     *,
     shots: int | None = None,
+    repeat: int = 2,
     measure: Mapping[str, int] | None = None,
     candidates: int = 10_000,
     criterion: Literal["A", "D", "E"] = "A",
@@ -263,6 +264,8 @@ def optimal_plan(
         (3,) where the target is, base frame, mm; None: where the header says, or there is none.
     shots
         Number of measurements; None: 20, or 7 where the geometry is exact.
+    repeat
+        How many of them are made again at the end, in the same postures.
     measure
         The number of measurements by each of several instruments, by its name in the header.
     candidates
@@ -308,7 +311,7 @@ def optimal_plan(
     ... }
     >>> best = zb.optimal_plan(header, (900, 0, 0), candidates=300)
     >>> best.plan
-    <Plan optimal: 20 postures at psd, irb1600>
+    <Plan optimal: 22 postures at psd, irb1600>
     >>> best.check.verdict
     'pass'
     """
@@ -318,6 +321,7 @@ def optimal_plan(
         PlanOptions,
         target=None if target is None else vector(target, 3, "target"),
         shots=shots,
+        repeat=repeat,
         measure={label: Portion(count) for label, count in (measure or {}).items()},
         candidates=candidates,
         criterion=criterion,

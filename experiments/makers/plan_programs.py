@@ -31,8 +31,9 @@ _SUPPOSED_TOP = 1000.0  # deg/s, of a joint whose speed the robot file does not 
 
 @dataclass(frozen=True)
 class PlanStep:
-    """One posture of a plan: its number (from 0), its target, degrees (mm if prismatic) as the controller
-    counts them, to the last digit of the plan, and those of the intermediate postures on the way to it."""
+    """One posture of a plan: its number (from 0), the name of its target and what it repeats, degrees (mm if
+    prismatic) as the controller counts them, to the last digit of the plan, and those of the intermediate
+    postures on the way to it."""
 
     number: int
     target: str
@@ -54,9 +55,15 @@ def steps_of(plan: Plan, motion: ProgramMotion) -> list[PlanStep]:
         return rounded(pendant.counted(joints * display))
 
     return [
-        PlanStep(i, target, joints, rows(plan.via_of(i)))
-        for i, (target, joints) in enumerate(zip(plan.called, rows(plan.postures), strict=True))
+        PlanStep(i, called(plan, i), joints, rows(plan.via_of(i)))
+        for i, joints in enumerate(rows(plan.postures))
     ]
+
+
+def called(plan: Plan, posture: int) -> str:
+    """The target of a posture of the plan, and that it repeats another: what people read in a program."""
+    again = plan.repeated_by(posture)
+    return plan.called[posture] + ("" if again is None else f", posture {again} again")
 
 
 def rounded(joints: Matrix) -> tuple[tuple[float, ...], ...]:

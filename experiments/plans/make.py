@@ -19,7 +19,7 @@ from ...model.arrays import Progress
 from ...model.errors import BadInput
 from ...model.files.from_arrays import checked
 from ...model.files.header import Header, StatedTarget
-from ...model.files.plan import Means, Plan, read_plan, write_plan
+from ...model.files.plan import Means, Plan, first_in_turn, read_plan, write_plan
 from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
@@ -28,6 +28,7 @@ from ...model.records import inline, internal, it, key, record
 from ...words import numbers
 from ...words.acceptance_words import lacking_test_sentence
 from ...words.observability import no_plan_sentence, power_sentences
+from ...words.wording import counted
 from .candidates import CandidatePostures, Planned, candidates, pools_in_words
 from .constraints import View, check_plan
 from .obstacles import read_obstacles
@@ -116,11 +117,13 @@ class MadePlan:
             ]
         if made is None or self.checked is None:
             return []
-        count = len(self.checked.postures)
+        repeats = sum(row is not None for row in made.again)
+        count = len(made.again) - repeats
         seconds = "" if made.travel_s is None else f"; travel {numbers.significant(made.travel_s, 2)} s"
         lines = [
             f"{count} measurements by the {made.criterion}-criterion: at least {made.efficiency:.1%} as good"
             f" as the best choice from {made.candidates} candidates{seconds}."
+            + (f" {counted(repeats, 'measurement')} again at the end." if repeats else "")
         ]
         if made.efficiency < _LOOSE:
             lines.append(
@@ -198,7 +201,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
         pools = candidate_pools(request, header, robot, shares, lambda share: tell("candidates", share))
         removed = pools_in_words(pools)
         tell("choice", 0.0)
-        planner = Planner(header, robot, {}, pools)
+        planner = Planner(header, robot, {}, pools, request.repeat)
         if request.tolerance is None:
             counts = {label: share.number for label, share in shares.items()}
             proposal = planner.optimal(counts, request.criterion, seed=request.seed)
@@ -208,7 +211,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
             proposal = fewest.proposal
         if proposal is None:
             return MadePlan(request.kind, None, None, None, None, fewest, removed)
-        postures, planned = proposal.postures, proposal.planned
+        postures, planned, again = proposal.postures, proposal.planned, proposal.again
         _require_tied(header, {each.target for each in planned})
     else:
         name = _target_name(header)
@@ -216,9 +219,12 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
         postures = pattern(
             header, robot, target, request.kind, request.measurements, name=name, line=request.line
         )
+        repeated = first_in_turn([name] * len(postures), request.repeat)
+        postures = np.concatenate([postures, postures[repeated]])
+        again = (None,) * (len(postures) - len(repeated)) + tuple(repeated)
         planned = (Planned(header.labels[0], target=name),) * len(postures)
     rows = np.round(postures * robot.display, _DECIMALS)
-    targets, means = [each.target for each in planned], _means(header, planned)
+    targets, means = [each.target for each in planned], _means(header, planned, again)
     kept = _constraints(request) if request.kind == "optimal" else UNCONSTRAINED
     if file is None:
         plan = Plan.of_postures(header, robot, rows, targets, request.kind, kept, means)
@@ -350,11 +356,14 @@ def _require_tied(header: Header, measured: Collection[str | None]) -> None:
         )
 
 
-def _means(header: Header, planned: Sequence[Planned]) -> tuple[Means, ...]:
-    """What each measurement is made with, where the header leaves a choice."""
+def _means(header: Header, planned: Sequence[Planned], again: Sequence[int | None]) -> tuple[Means, ...]:
+    """What each measurement is made with, where the header leaves a choice, and which it repeats."""
     several = len(header.labels) > 1
-    means = tuple(Means(each.instrument if several else None, each.variant or None) for each in planned)
-    return means if any(map(any, means)) else ()
+    means = tuple(
+        Means(each.instrument if several else None, each.variant or None, again=repeated)
+        for each, repeated in zip(planned, again, strict=True)
+    )
+    return means if any(each != Means() for each in means) else ()
 
 
 def _target_name(header: Header) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated
@@ -13,7 +13,7 @@ from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
-from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
+from ...analysis.observability.power import DetectionPower, WrongModel, change_risk, halves, powers
 from ...analysis.observability.predictions import (
     CurvePoint,
     mounted_spread,
@@ -38,12 +38,14 @@ _LOOSEN = "loosen what removes most, move the target, or ask for more candidates
 _OF_TYPICAL = 20  # candidates, by which a place of what is guessed on the flange is typical
 _SEVERAL = 300  # candidates: what these together do not notice, no plan of them does
 _COUNTED: frozenset[WrongModel] = frozenset({"tool", "jump", "backlash", "noise"})  # that a plan must notice
+_CHOICES = 60  # of what is measured again
 _SPEED = 1.0  # rad/s (m/s) where the robot file states none
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """An optimal plan. `postures` (k, n) rad or mm in travel order, in which `planned` (k,) are measured;
+    """An optimal plan. `postures` (k, n) rad or mm in travel order, in which `planned` (k,) are measured, and
+    then some of them again: `again` (k,) are the rows that they repeat, None of those that are new;
     `std` of each offset that is not held, by name, in degrees (mm), the prior included: one that is near its
     prior is not determined by the measurements; `travel_s` from the first posture to the last at full joint
     speed, None where the robot file states no speeds; `candidates` how many there were to choose from;
@@ -53,6 +55,7 @@ class Proposal:
 
     postures: Matrix
     planned: tuple[Planned, ...]
+    again: tuple[int | None, ...]
     criterion: Annotated[Criterion, it("null for a pattern, as all of the choice is")]
     std: dict[str, float]
     value: Annotated[float, it("of the criterion")]
@@ -112,9 +115,12 @@ class Planner:
         robot: Robot,
         targets: Mapping[str, Matrix],
         pools: Sequence[CandidatePostures],
+        repeat: int = 0,
     ) -> None:
         """`targets` are the numbers (3,) of those of which the header does not say them. Measurements are
-        chosen for a typical place of reflectors, mounts and tips that are only guessed."""
+        chosen for a typical place of reflectors, mounts and tips that are only guessed; `repeat` of them are
+        made again at the end."""
+        self._repeat = repeat
         self._removed = pools_in_words(pools)
         self._robot, self._postures = robot, np.concatenate([pool.postures for pool in pools])
         if not len(self._postures):
@@ -267,13 +273,14 @@ class Planner:
         )
 
     def _proposal(self, chosen: Design) -> Proposal:
-        order, travel = self._order(chosen.rows)
+        order, again, travel = self._order(chosen.rows)
         measurements, x = typical(self._guessed.select(order), self._at_guess, self._mounted)
         scaled = predicted_std(measurements, x)[self._columns]  # as `check` promises it
         unit = np.mean([(item.prior_std * item.display) ** 2 for item in self._offsets])
         return Proposal(
             postures=self._postures[order],
             planned=tuple(self._planned[i] for i in order.tolist()),
+            again=again,
             criterion=chosen.criterion,
             std={
                 item.name: float(std) * item.prior_std * item.display
@@ -290,17 +297,33 @@ class Planner:
             unnoticed=self._unnoticed,
         )
 
-    def _order(self, rows: Index) -> tuple[Index, float]:
+    def _order(self, rows: Index) -> tuple[Index, tuple[int | None, ...], float]:
         """Two halves between which a jump of a joint's zero is noticed, each in an order that makes the way
-        short; and the time of the way, s."""
+        short, and what is measured first again at the end; which each repeats; and the time of the way, s."""
         first, second = (
             rows[half][travel_order(self._robot, self._postures[rows[half]])[0]]
             for half in halves(self._problem.select(rows), self._x)
         )
         ways = [np.concatenate([a, b]) for a in (first, first[::-1]) for b in (second, second[::-1])]
-        times = [travel_time(self._robot, self._postures[way]) for way in ways]
-        shortest = int(np.argmin(times))
-        return ways[shortest], times[shortest]
+        way = min(ways, key=lambda one: travel_time(self._robot, self._postures[one]))
+        count = min(self._repeat, len(way))
+        if count:
+            way = min(self._with_repeats(way, count), key=self._change_risk)
+        again = (None,) * len(rows) + tuple(range(count))
+        return way, again, travel_time(self._robot, self._postures[way])
+
+    def _with_repeats(self, way: Index, count: int) -> Iterator[Index]:
+        """The way with so many of its measurements first and again at the end, for choices of them at
+        random."""
+        rng = np.random.default_rng(0)
+        for _ in range(_CHOICES):
+            chosen = np.zeros(len(way), dtype=bool)
+            chosen[rng.choice(len(way), count, replace=False)] = True
+            yield np.concatenate([way[chosen], way[~chosen], way[chosen]])
+
+    def _change_risk(self, way: Index) -> float:
+        problem = self._problem.select(way)
+        return change_risk(problem, self._x, identify(problem, self._x))
 
 
 def travel_order(robot: Robot, postures: Matrix) -> tuple[list[int], float]:

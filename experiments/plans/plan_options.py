@@ -88,6 +88,15 @@ class PlanOptions:
             most=10_000,
         ),
     ] = None
+    repeat: Annotated[
+        int,
+        Option(
+            "How many of the measurements are made again at the end, in the same postures: a zero that jumps"
+            " or drifts, a target that moves and a wrong reading show in the difference. Not for verify.",
+            least=0,
+            most=10_000,
+        ),
+    ] = 2
     measure: Annotated[
         Mapping[str, Portion],
         Option(

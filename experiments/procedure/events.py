@@ -170,7 +170,8 @@ class PostureRequested(RunEvent):
     """A person is asked for measurement `shot`: `done` of `postures` are measured or skipped; `joints_deg` as
     planned, joint 3 as the pendant counts it; `pendant`: name, value and unit of each joint as it shows
     them; `reads`: what is entered besides the joints, `instrument` and `reflector` what is read, if there are
-    several; `act` what is done there, a clause. The measurements `also` are taken without moving the arm.
+    several; `act` what is done there, a clause. The measurements `also` are taken without moving the arm;
+    the measurement `again` was made in the same posture.
     """
 
     event: ClassVar[str] = "posture"
@@ -185,6 +186,7 @@ class PostureRequested(RunEvent):
     instrument: str | None = None
     act: str = ""
     also: tuple[int, ...] = ()
+    again: int | None = None
 
 
 @record

@@ -254,7 +254,7 @@ class Procedure:
         return np.where(determined, x, self._supposed)
 
     def _posture(self, number: int) -> int:
-        """The posture of a measurement; a closing measurement repeats one."""
+        """The posture of a measurement; one beyond the plan's repeats one of them."""
         return number % len(self.plan.postures)
 
     def _shoot(self, number: int, belief: Belief) -> Shot:
@@ -303,6 +303,7 @@ class Procedure:
         off = -(belief.turned(joints, frame[:, :2] @ spot.position) @ across)
         return Shot(
             shot=number,
+            again=self.plan.repeated_by(number),
             target=target,
             joints_deg=tuple(round(float(v), 9) for v in read * robot.display),
             spot_mm=(round(float(off[0]), 6), round(float(off[1]), 6)),

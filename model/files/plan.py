@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -45,15 +46,16 @@ _DECIMALS = 9  # of degrees in a file: what they lose on the way to radians and 
 
 class Means(NamedTuple):
     """What a planned measurement is made with, as stated: None where the header leaves no choice. Those of
-    one `posture` are made in the same one."""
+    one `posture` are made in the same one; `again` is the measurement that this one repeats."""
 
     instrument: str | None = None
     reflector: str | None = None
     posture: int | None = None
+    again: int | None = None
 
     @classmethod
     def of(cls, row: StatedPosture | Shot) -> Self:
-        return cls(row.instrument, row.reflector, row.posture)
+        return cls(row.instrument, row.reflector, row.posture, row.again)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,7 +97,7 @@ class Plan(Measurements):
     def means(self) -> tuple[Means, ...]:
         """(N,) the instrument and reflector of each posture, as stated; empty where none is stated."""
         means = tuple(map(Means.of, self.shots))
-        return means if any(map(any, means)) else ()
+        return means if any(each != Means() for each in means) else ()
 
     @classmethod
     def from_arrays(
@@ -220,6 +222,12 @@ class Plan(Measurements):
             constraints=self.constraints,
             force=force,
         )
+
+    def repeated_by(self, number: int) -> int | None:
+        """The measurement that the one of this number makes again; beyond the plan's, number and plan's count
+        apart, each repeats one."""
+        count = len(self.shots)
+        return self.shots[number].again if number < count else number % count
 
     def via_of(self, posture: int) -> Matrix:
         """(k, n) the intermediate postures on the way to a posture (from 0), rad or mm; k may be 0."""
@@ -360,6 +368,17 @@ def planned(
     )
 
 
+def first_in_turn(measured: Sequence[Hashable], count: int) -> list[int]:
+    """The places, in their order, of so many measurements to make again at the end: the first of each thing
+    that is `measured` (N,), then the second of each, …"""
+    before: Counter[Hashable] = Counter()
+    turns = []
+    for row, what in enumerate(measured):
+        turns.append((before[what], row))
+        before[what] += 1
+    return sorted(row for _, row in sorted(turns)[:count])
+
+
 def write_plan(
     path: Path | str,
     header: Header,
@@ -406,11 +425,14 @@ def _plan_text(
     content = CommentedMap(short_in_one_line(keys))
     rows = [{"joints_deg": flow(shot.joints_deg), "target": shot.target} for shot in shots]
     means = [Means.of(shot)._asdict() for shot in shots]
-    bare = len(header.targets) < 2 and not via and not any(any(each.values()) for each in means)
+    bare = len(header.targets) < 2 and not via
     if bare and any(shot.target for shot in shots):
         bare = len(header.kinds) == 1 and {shot.target for shot in shots} == {header.only_target}
     whole = [_without_none(**row, **more) for row, more in zip(rows, means, strict=True)]
-    content["postures_deg"] = CommentedSeq([row["joints_deg"] for row in rows] if bare else map(flow, whole))
+    content["postures_deg"] = CommentedSeq(
+        row["joints_deg"] if bare and not any(v is not None for v in more.values()) else flow(full)
+        for row, more, full in zip(rows, means, whole, strict=True)
+    )
     for posture, between in zip(content["postures_deg"], via, strict=False):
         if len(between):
             posture["via_deg"] = flow([flow(row) for row in between.tolist()])

@@ -136,6 +136,11 @@ class StatedPosture(FileModel):
         default=None,
         description="number of the posture, of rows that are measured in the same one, one after another",
     )
+    again: Annotated[int, Field(ge=0, le=MOST)] | None = Field(
+        default=None,
+        description="the row, counted from 0, whose posture is measured here once more, with the same joints,"
+        " target and instrument",
+    )
     via_deg: Annotated[tuple[JointValues, ...], BeforeValidator(as_tuple)] = Field(
         default=(),
         description="safe intermediate postures on the way from the posture before, in order, degrees",

@@ -429,6 +429,7 @@ def header_text(header: Header) -> str:
 def shot_text(shot: Shot) -> str:
     """The line of a shot in a run file, which may have a million of them: what `json_line` would write."""
     posture = "" if shot.posture is None else f',"posture":{shot.posture}'
+    posture += "" if shot.again is None else f',"again":{shot.again}'
     instrument = "" if shot.instrument is None else f',"instrument":{_json_text(shot.instrument)}'
     reflector = "" if shot.reflector is None else f',"reflector":{_json_text(shot.reflector)}'
     target = "" if shot.target is None else f',"target":{_json_text(shot.target)}'

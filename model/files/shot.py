@@ -78,6 +78,11 @@ class Shot(FileModel):
         description="number of the posture, of measurements that were taken in the same one: the errors of"
         " their joints are the same",
     )
+    again: Annotated[int, Field(ge=0, le=MOST)] | None = Field(
+        default=None,
+        description="number of the measurement whose posture is measured here once more: what changes during"
+        " a run shows in the difference",
+    )
     instrument: Name | None = Field(
         default=None, description="name of the instrument; required where the header states several"
     )
@@ -118,6 +123,12 @@ class Shot(FileModel):
         return {name: value for name, value in named if value is not None}
 
     @property
+    def called(self) -> str:
+        """What is measured, in words: its target, reflector and instrument, as far as they are stated."""
+        names = (self.target, self.reflector, self.instrument)
+        return ", ".join(name for name in names if name is not None)
+
+    @property
     def met_target(self) -> str:
         """The target's name, of a measurement of a laser or a probe."""
         if self.target is None:
@@ -131,6 +142,7 @@ _NO_READING = frozenset(
     (
         "shot",
         "posture",
+        "again",
         "instrument",
         "reflector",
         "target",
@@ -450,6 +462,7 @@ def check_shots(
             )
         first_line[shot.shot] = line
     rules.check_postures(shots, lines, file=file)
+    _check_repeats(shots, lines, file=file, planned=planned)
     limits = check_limits(
         robot,
         np.array([shot.joints_deg for shot in shots]),
@@ -460,6 +473,42 @@ def check_shots(
         file=file,
     )
     return robot.doubts + limits + unknown_targets(header, target_names(shot.target for shot in shots))
+
+
+def _check_repeats(
+    shots: Sequence[Shot], lines: Sequence[int | None], *, file: Path | None, planned: bool
+) -> None:
+    """BadInput for a repeat that is none: what it repeats may be missing from a run, but not from a plan, in
+    which the joints are the same too."""
+    by_number = {shot.shot: shot for shot in shots}
+    noun = _noun(planned)
+    for shot, line in zip(shots, lines, strict=True):
+        if shot.again is None or (shot.again not in by_number and not planned):
+            continue
+        first, actual = by_number.get(shot.again), f"again: {shot.again}"
+        if first is None or first is shot or first.again is not None:
+            what = f"{noun} {shot.shot} repeats what is no {noun} of its own"
+        elif planned and shot.again > shot.shot:
+            what = f"{noun} {shot.shot} repeats a later one"
+        elif (first.target, first.instrument, first.reflector) != (
+            shot.target,
+            shot.instrument,
+            shot.reflector,
+        ):
+            what = f"{noun} {shot.shot} repeats {shot.again}, but measures something else"
+            actual = f"{first.called} and {shot.called}"
+        elif planned and first.joints_deg != shot.joints_deg:
+            what, actual = f"{noun} {shot.shot} repeats {shot.again}, but has other joints", "another posture"
+        else:
+            continue
+        raise BadInput(
+            what,
+            found=actual,
+            allowed=f"the number of an earlier {noun} of the same target and instrument, itself no repeat",
+            remedy="correct `again`, or leave it out",
+            file=file,
+            line=line,
+        )
 
 
 def copies(shots: Sequence[Shot]) -> dict[int, int]:

@@ -280,8 +280,8 @@ def _beginning(event: RunOpened) -> str:
 
 def _request(event: PostureRequested, joints: str) -> str:
     """`joints` says what a person does for them."""
-    again = ", closing" if event.shot >= event.postures else ""
-    of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
+    again = "" if event.again is None else f", posture {event.again} again"
+    of = f"{event.done + 1}" + (f" of {event.postures}" if event.shot < event.postures else "")
     which = _which(event.instrument, event.reflector)
     also = f"; then measurement {listed([str(number) for number in event.also])}" if event.also else ""
     what = shown(event.target) if event.reads else f"target {shown(event.target)}"

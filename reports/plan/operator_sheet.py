@@ -140,6 +140,8 @@ def _measured(plan: Plan, number: int, of_target: str = "") -> str:
     called = clipped(plan.called[number], 24)
     label = clipped(plan.measurements[number].instrument, 24)
     what = f"{of_target}{called}" if plan.targets[number] else called
+    if (again := plan.repeated_by(number)) is not None:
+        what += f", posture {again} again"
     return f"{label}, {what}" if len(plan.header.labels) > 1 and called != label else what
 
 

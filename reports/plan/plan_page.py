@@ -17,7 +17,7 @@ from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...model.arrays import Matrix
-from ...model.files.plan import Plan
+from ...model.files.plan import Means, Plan
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
@@ -258,22 +258,26 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
             joints.append(length if postures.reaches[i] else "behind it" if posture.hit else "misses")
         off = near if posture.off_mm < _NEAR_MM else numbers.significant(posture.off_mm, 2, "mm")
         tone = "" if postures.reaches[i] else "weak"
-        rows.append(row_of(str(posture.posture), clipped(posture.target, 24), *joints, off, tone=tone))
+        again = plan.repeated_by(posture.posture)
+        target = clipped(posture.target, 24) + ("" if again is None else f", posture {again} again")
+        rows.append(row_of(str(posture.posture), target, *joints, off, tone=tone))
     caption = "Postures, turned onto their targets" if postures.met else "Postures"
     return table_of(caption, heads, rows, "rlr")
 
 
 def _joints_to_copy(plan: Plan, postures: Postures) -> list[str]:
     """The aimed postures as in a plan file: degrees, or mm for a prismatic joint."""
-    if not postures.met or any(map(any, plan.means)):
+    if not postures.met or any(means != Means(again=means.again) for means in plan.means):
         return []
     several = len(plan.target_names) > 1
     lines = ["postures_deg:"]
-    for row, name in zip((postures.joints * plan.robot.display).tolist(), plan.called, strict=True):
-        values = json.dumps([round(value, 6) + 0.0 for value in row])
-        lines.append(
-            f"  - {{joints_deg: {values}, target: {json.dumps(name)}}}" if several else f"  - {values}"
-        )
+    shown = (postures.joints * plan.robot.display).tolist()
+    for i, name in enumerate(plan.called):
+        again = plan.repeated_by(i)
+        values = json.dumps([round(value, 6) + 0.0 for value in shown[i if again is None else again]])
+        repeats = "" if again is None else f", again: {again}"
+        whole = f"  - {{joints_deg: {values}, target: {json.dumps(name)}{repeats}}}"
+        lines.append(whole if several or repeats else f"  - {values}")
     return lines
 
 

@@ -16,6 +16,7 @@ def plan_request(**changes: Any) -> PlanRequest:
         "header_folder": Path("."),
         "target": (900.0, 0.0, 0.0),
         "shots": 7,
+        "repeat": 0,
         "candidates": 300,
         "max_shots": 12,
     }

@@ -5,7 +5,7 @@ import { failed, refresh } from "./store.js";
 import { go, route, toJob } from "./route.js";
 
 /**
- * @typedef {{kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: number[][], targets?: string[] | null} | {kind: "step", step: import("./route.js").Step}} Deed
+ * @typedef {{kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: number[][], targets?: string[] | null, again?: (number | null)[] | null} | {kind: "step", step: import("./route.js").Step}} Deed
  * @typedef {{text: string, label: string | null, does: Deed | null}} ActionFacts
  */
 
@@ -26,13 +26,16 @@ export async function doAction(deed, begun) {
   }
 }
 
-/** The suggested postures become those of the plan, each with its target where there are several: they can be undone. @param {{postures_deg: number[][], targets?: string[] | null}} suggested */
-function apply({ postures_deg, targets }) {
+/** The suggested postures become those of the plan, each with its target where there are several: they can be undone. @param {{postures_deg: number[][], targets?: string[] | null, again?: (number | null)[] | null}} suggested */
+function apply({ postures_deg, targets, again }) {
   if (plan.value === null) {
     open(file.value).catch(failed);
     return;
   }
   change(null, (content) => {
-    content.postures_deg = targets ? postures_deg.map((joints_deg, i) => ({ joints_deg, target: targets[i] })) : postures_deg;
+    content.postures_deg = postures_deg.map((joints_deg, i) => {
+      const repeated = again?.[i] ?? null;
+      return targets || repeated !== null ? { joints_deg, ...(targets ? { target: targets[i] } : {}), ...(repeated === null ? {} : { again: repeated }) } : joints_deg;
+    });
   });
 }

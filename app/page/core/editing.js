@@ -4,7 +4,7 @@ import { get, getFile, latest, post, put, Refused } from "./api.js";
 import { begun, failed, refresh, say, versionOf } from "./store.js";
 
 /**
- * @typedef {{joints_deg: number[], target?: string, [key: string]: unknown}} StatedPosture
+ * @typedef {{joints_deg: number[], target?: string, again?: number, [key: string]: unknown}} StatedPosture
  * @typedef {{robot: any, tool: any, noise: any, postures_deg: (number[] | StatedPosture)[], targets?: Record<string, any>, constraints?: any, geometry?: any, [key: string]: any}} PlanContent
  * @typedef {{version: string | null, content: PlanContent | null}} OnDisk `content`: null where the file is no plan any more
  * @typedef {{plan: string, base: string | null, content: PlanContent, when: string}} Draft
@@ -47,6 +47,24 @@ export const unsaved = computed(() => plan.value !== null && JSON.stringify(plan
 
 /** @param {PlanContent} content @param {number} i */
 export const jointsOf = (content, i) => { const posture = content.postures_deg[i]; return Array.isArray(posture) ? posture : posture.joints_deg; };
+
+/**
+ * Edits a plan. A posture that repeats another keeps its joints and its number; where it is changed itself, or the other is gone, it is one of its own.
+ * @param {PlanContent} content @param {(plan: PlanContent) => void} edit
+ */
+function editRepeated(content, edit) {
+  /** @type {Map<unknown, {of: number[] | StatedPosture, was: string}>} */
+  const repeats = new Map();
+  for (const row of content.postures_deg) if (!Array.isArray(row) && row.again !== undefined) repeats.set(row, { of: content.postures_deg[row.again], was: JSON.stringify(row.joints_deg) });
+  edit(content);
+  content.postures_deg.forEach((row, i) => {
+    const repeat = repeats.get(row);
+    if (Array.isArray(row) || repeat === undefined) return;
+    const at = content.postures_deg.indexOf(repeat.of);
+    if (at < 0 || at > i || repeat.was !== JSON.stringify(row.joints_deg)) delete row.again;
+    else Object.assign(row, { again: at, joints_deg: [...jointsOf(content, at)] });
+  });
+}
 
 const robotKey = (/** @type {PlanContent} */ content) => JSON.stringify(content.robot);
 
@@ -161,7 +179,7 @@ export function change(key, edit) {
   const now = plan.value;
   if (now === null) return;
   const next = structuredClone(now);
-  edit(next);
+  editRepeated(next, edit);
   if (JSON.stringify(next) === JSON.stringify(now)) return;
   const goesOn = key !== null && key === merging;
   merging = key ?? "";

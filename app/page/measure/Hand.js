@@ -19,7 +19,7 @@ const answerText = (word) => ANSWERS[word] ?? `It is measurement ${word.slice(3)
 function title(asked, reading) {
   const { shot, instrument, reflector } = reading ?? asked;
   const target = shot === asked.shot && asked.target && asked.target !== reflector;
-  const parts = [`measurement ${shot}`, ...(shot >= asked.postures ? ["closing"] : []), ...(target ? [`target ${asked.target}`] : []), ...(instrument ? [`instrument ${instrument}`] : []), ...(reflector ? [`reflector ${reflector}`] : [])];
+  const parts = [`measurement ${shot}`, ...(asked.again === null ? [] : [`posture ${asked.again} again`]), ...(target ? [`target ${asked.target}`] : []), ...(instrument ? [`instrument ${instrument}`] : []), ...(reflector ? [`reflector ${reflector}`] : [])];
   return `Posture ${asked.done + 1} of ${Math.max(asked.postures, asked.done + 1)}: ${parts.join(", ")}`;
 }
 

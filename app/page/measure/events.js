@@ -6,7 +6,7 @@
  * @typedef {{key: string, words: string, numbers: number}} Entered what is read off the instrument
  * @typedef {{shot: number, off_mm: number, at_mm: [number, number] | null, size_mm: number | null}} Spot
  * @typedef {{shot: number, joints_deg: number[], arm: import("../scene/types.js").Vec[], beam: import("../scene/types.js").Vec[], target: import("../scene/types.js").Vec, lit: boolean}} ArmSent
- * @typedef {{shot: number, target: string, done: number, postures: number, pendant: {name: string, value: number, unit: string}[], reads: Entered[], reflector: string | null, instrument: string | null, act: string, also: number[]}} Asked
+ * @typedef {{shot: number, target: string, done: number, postures: number, pendant: {name: string, value: number, unit: string}[], reads: Entered[], reflector: string | null, instrument: string | null, act: string, also: number[], again: number | null}} Asked
  * @typedef {{shot: number, reads: Entered[], instrument: string | null, reflector: string | null}} ReadingAsked
  * @typedef {{shot: number, kind: string, found: string, answers: string[]}} Doubt
  * @typedef {{width: number, height: number, grey: string}} Camera

@@ -19,7 +19,7 @@ const OF_PLAN = " "; // the header of the plan that is open: no file has this na
 
 /** What is asked for; null: not stated. */
 const wish = signal({
-  kind: "optimal", target: /** @type {(number | null)[]} */ ([null, null, null]), shots: /** @type {number | null} */ (null), tolerance: /** @type {number | null} */ (null), most: /** @type {number | null} */ (30),
+  kind: "optimal", target: /** @type {(number | null)[]} */ ([null, null, null]), shots: /** @type {number | null} */ (null), repeat: /** @type {number | null} */ (null), tolerance: /** @type {number | null} */ (null), most: /** @type {number | null} */ (30),
   criterion: "A", candidates: /** @type {number | null} */ (10000), facing: "0, 0, 1", acceptance: /** @type {number | null} */ (60), shortest: /** @type {number | null} */ (200), longest: /** @type {number | null} */ (2000),
   margin: /** @type {number | null} */ (5), obstacles: "", seed: /** @type {number | null} */ (0),
 });
@@ -50,6 +50,7 @@ function words(header, out, target) {
   /** @type {[string, unknown][]} */
   const options = [["--header", header], ["--out", out], ["--target", target?.join(",")]];
   if (!best || now.tolerance === null) options.push(["--shots", now.shots]);
+  options.push(["--repeat", now.repeat]);
   if (best) {
     if (now.tolerance !== null) options.push(["--tolerance", now.tolerance], ["--max-shots", now.most]);
     options.push(["--criterion", now.criterion], ["--candidates", now.candidates], ["--facing", now.facing.trim() === "any" ? "any" : parsedList(now.facing)?.join(",")], ["--acceptance", now.acceptance],
@@ -91,6 +92,7 @@ export function Making() {
         <${Choice} label="Header" value=${header.value} groups=${[["", headers]]} onValue=${(/** @type {string} */ value) => { header.value = value; }} />
         ${number("Measurements", "shots", { whole: true, least: 2, placeholder: "as usual" })}
         ${best && number("… or as few as reach u, °", "tolerance", { least: 0 })}
+        ${number("Again at the end", "repeat", { whole: true, least: 0, placeholder: "2" })}
         ${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" optional=${now.target.every((one) => one === null)} value=${now.target[i]} placeholder=${there ? String(Math.round(there[i])) : "the header's"} onValue=${(/** @type {number | null} */ value) => set({ target: now.target.map((one, k) => (k === i ? value : one)) })} />`)}
         <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
       </div>

@@ -36,17 +36,19 @@ const loss = (rest) => (rest ? Math.max(1, ...determined.value.map((/** @type {a
 /** @param {any} rest */
 const lost = (rest) => determined.value.filter((/** @type {any} */ row) => rest.std[row.name] === null).map((/** @type {any} */ row) => named(row.name));
 
-const rows = computed(() => (plan.value?.postures_deg ?? []).map((_, i) => {
+const rows = computed(() => (plan.value?.postures_deg ?? []).map((posture, i) => {
+  const again = Array.isArray(posture) || posture.again === undefined ? "" : `, posture ${posture.again} again`;
   const scene = answer.value?.scene[i], off = answer.value?.postures[i], rest = without.value.get(i), factor = loss(rest);
   const misses = !scene ? "" : !off.hit ? "the target cannot be hit" : !scene.reaches ? "target behind the laser" : scene.violations[0] ?? "";
   const adds = rest === null ? "gives what no other gives" : factor === null ? "" : factor === Infinity ? `without it: ${lost(rest).join(", ")} not determined` : `without it: u × ${factor < 1.005 ? "1.00" : Number(factor.toPrecision(3))}${answer.value && rest.verdict !== answer.value.verdict ? `, ${WORDS[rest.verdict]?.toLowerCase()}` : ""}`;
-  return { i, target: scene?.target_name ?? "", misses, adds, share: factor === null ? (rest === null ? 1 : 0) : factor === Infinity ? 1 : Math.min(1, Math.log2(factor)), off: off?.hit && off.off_mm >= LEAST_OFF_MM ? `${fixed(off.off_mm, 1)} mm beside the target before aiming` : "" };
+  return { i, target: `${scene?.target_name ?? ""}${again}`, misses, adds, share: factor === null ? (rest === null ? 1 : 0) : factor === Infinity ? 1 : Math.min(1, Math.log2(factor)), off: off?.hit && off.off_mm >= LEAST_OFF_MM ? `${fixed(off.off_mm, 1)} mm beside the target before aiming` : "" };
 }));
 
 /** A posture beside the chosen one; `turn` degrees at joint 1, so that it adds something. @param {number} turn */
 const another = (turn) => change(null, (content) => {
   const i = chosen.value ?? content.postures_deg.length - 1, copy = structuredClone(content.postures_deg[i]), upper = arm.value?.joints[0].upper ?? Infinity;
   const joints = Array.isArray(copy) ? copy : copy.joints_deg;
+  if (!Array.isArray(copy)) delete copy.again;
   joints[0] += (joints[0] + turn > upper ? -1 : 1) * turn;
   content.postures_deg.splice(i + 1, 0, copy);
   chosen.value = i + 1;

@@ -11,6 +11,7 @@ from ....analysis.answer.answer_message import Action
 from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
+from ....model.files.plan import Means
 from ....model.records import it, record
 from ....words.plan_catalogue import tried_change
 from ..folder import Folder
@@ -35,7 +36,11 @@ class DoesPostures:
 
     kind: Literal["postures"] = "postures"
     postures_deg: list[list[float]]
-    targets: Annotated[list[str] | None, it("of each, where there are several")] = None
+    targets: Annotated[list[str] | None, it("of each, where there are several, or some are repeats")] = None
+    again: Annotated[
+        list[int | None] | None,
+        it("the posture that each repeats; null where it is new"),
+    ] = None
 
 
 @record(kw_only=True)
@@ -60,7 +65,9 @@ def action_of_plan(check: Check, action: Action) -> OfferedAction:
     plan = check.aimed.plan
     rows = (plan.postures * plan.robot.display).round(_DECIMALS).tolist()
     targets = [str(name) for name in plan.called]
-    simple = not any(map(any, plan.means)) and not any(len(between) for between in plan.via)
+    again = [shot.again for shot in plan.shots]
+    simple = all(each == Means(again=each.again) for each in plan.means)
+    simple = simple and not any(len(between) for between in plan.via)
     does: DoesJob | DoesPostures | DoesStep | None = None
     label: str | None = None
     if check.violations:
@@ -68,23 +75,33 @@ def action_of_plan(check: Check, action: Action) -> OfferedAction:
         kept = [i for i in range(len(rows)) if i not in broken]
         if simple and len(kept) >= 2:
             label = "Remove the postures that break constraints"
-            does = _postures([rows[i] for i in kept], [targets[i] for i in kept])
+            does = _postures(
+                [rows[i] for i in kept],
+                [targets[i] for i in kept],
+                [kept.index(of) if (of := again[i]) in kept else None for i in kept],
+            )
     elif check.verdict == "pass":
         label, does = "Measure", DoesStep(step="measure")
     elif simple and (tried := tried_change(check)) is not None:
         new, like = carried_out(check, tried)
         for at, joints in zip(like, (new * plan.robot.display).round(_DECIMALS).tolist(), strict=True):
             if tried.how == "add":
-                rows, targets = [*rows, joints], [*targets, targets[at]]
-            else:
-                rows[at] = joints
+                rows, targets, again = [*rows, joints], [*targets, targets[at]], [*again, None]
+            elif again[at] is None or tried.how == "replace":
+                rows[at], again[at] = joints, None
+        rows = [row if of is None else rows[of] for row, of in zip(rows, again, strict=True)]
         noun = "postures" if tried.how == "vary" else "posture"
-        label, does = f"Apply the suggested {noun}", _postures(rows, targets)
+        label, does = f"Apply the suggested {noun}", _postures(rows, targets, again)
     return OfferedAction(text=action.text, label=label, does=does)
 
 
-def _postures(rows: list[list[float]], targets: list[str]) -> DoesPostures:
-    return DoesPostures(postures_deg=rows, targets=targets if len(set(targets)) > 1 else None)
+def _postures(rows: list[list[float]], targets: list[str], again: list[int | None]) -> DoesPostures:
+    repeats = any(of is not None for of in again)
+    return DoesPostures(
+        postures_deg=rows,
+        targets=targets if repeats or len(set(targets)) > 1 else None,
+        again=again if repeats else None,
+    )
 
 
 def action_of_result(folder: Folder, action: Action, run: Path | None) -> OfferedAction:

@@ -129,8 +129,10 @@ class Judge:
         )
 
     def near(self, joints: Matrix, left: Collection[int]) -> int | None:
-        """The posture of `left` whose joints these are, if they are one's alone."""
-        fitting = [number for number in left if self._off(number, joints).max(initial=0.0) <= SAME_POSTURE]
+        """The posture of `left` whose joints these are, if they are one's alone; of one and its repeat it is
+        the first."""
+        new = [number for number in left if self._plan.repeated_by(number) not in left]
+        fitting = [number for number in new if self._off(number, joints).max(initial=0.0) <= SAME_POSTURE]
         return fitting[0] if len(fitting) == 1 else None
 
     def _off(self, number: int, joints: Matrix) -> Matrix:

@@ -435,6 +435,7 @@ class Manual:
                 instrument=instrument,
                 act=kind.words.act,
                 also=self._together(number)[1:],
+                again=self.plan.repeated_by(number),
             )
         )
         if self.scene:
@@ -455,6 +456,7 @@ class Manual:
             "time_s": round(time.monotonic() - self._since, 3),
             "comment": comment,
             **Means.of(self.plan.shots[posture])._asdict(),
+            "again": self.plan.repeated_by(number),
             **readings,
         }
         return shot_model(self.plan.header).model_validate(content)

@@ -70,14 +70,58 @@ def test_every_choice_is_the_best_of_those_left(pool: Plan) -> None:
     offsets = problem.parameters.group("offset")[free]
     unit = (problem.parameters.prior_std * problem.parameters.display)[free][offsets]
 
-    def worst(numbers: list[int]) -> float:
+    def stds(numbers: list[int]) -> np.ndarray:
         a = problem.select(np.array(numbers)).whiten(x).jacobian[:, free]
         covariance = np.linalg.inv(a.T @ a + np.eye(a.shape[1]))
-        return float((np.sqrt(np.diag(covariance))[offsets] * unit).max())
+        return np.sqrt(np.diag(covariance))[offsets] * unit
 
-    promised = {number: worst([*done, number]) for number in left}
-    assert order._best(left, done, x) == min(promised, key=lambda number: promised[number])
+    promised = {number: stds([*done, number]).max() for number in left}
+    best, gain = order._best(left, done, x)
+    assert best == min(promised, key=lambda number: promised[number])
+    np.testing.assert_allclose(gain, 2 * (stds(done) - stds([*done, best])).max())
     assert max(promised.values()) > 1.5 * min(promised.values())  # the choice matters
+
+
+def test_what_no_posture_lowers_chooses_none(tmp_path: Path) -> None:
+    """J6 is as good as the laser's mounting, 0.05° whatever is measured: the next posture is the best for the
+    others."""
+    plan = read_plan(plan_file(tmp_path / "plan.yaml", good_plan(12, geometry={})))
+    order, problem = Adaptive(plan, 0.12), Problem.from_plan(plan)
+    x = problem.nominal()
+    left = [number for number in range(12) if number not in (0, 3, 5, 8, 11)]
+    best, _ = order._best(left, [0, 3, 5, 8, 11], x)
+    free = problem.parameters.free
+    unit = (problem.parameters.prior_std * problem.parameters.display)[free]
+    four = [problem.parameters.among_free[i] for i in range(1, 5)]
+
+    def worst(number: int) -> float:
+        a = problem.select(np.array([0, 3, 5, 8, 11, number])).whiten(x).jacobian[:, free]
+        return float((np.sqrt(np.diag(np.linalg.inv(a.T @ a + np.eye(a.shape[1])))) * unit)[four].max())
+
+    assert best == min(left, key=worst)
+    done = carried(plan, order, tmp_path / "run.jsonl")
+    assert done.state.worst == pytest.approx(order._wide(done.state))
+    assert order.reason.startswith("the largest standard uncertainty is 0.1")
+
+
+@pytest.mark.parametrize(("gain", "ends"), [(1e-6, False), (1e3, True)])
+def test_it_ends_where_the_next_measurement_gains_too_little(
+    gain: float, ends: bool, tmp_path: Path, pool: Plan
+) -> None:
+    order = Adaptive(pool, 1e-6, gain)
+    done = carried(pool, order, tmp_path / "run.jsonl")
+    assert (len(done.shots) < POOL) == ends
+    assert order.reason.startswith("the next measurement lowers U by") == ends
+
+
+def test_it_ends_where_the_robot_is_as_accurate_as_required(tmp_path: Path) -> None:
+    for mm, ends in ((50.0, True), (0.001, False)):
+        made = good_plan(8, required={"tcp_mm": mm})
+        plan = read_plan(plan_file(tmp_path / f"{mm}.yaml", made))
+        order = Adaptive(plan, 1e-6)
+        done = carried(plan, order, tmp_path / f"{mm}.jsonl")
+        assert (len(done.shots) < 8) == ends
+        assert (order.reason == f"the TCP is within {mm:g} mm as required") == ends
 
 
 @pytest.mark.long

@@ -1,0 +1,172 @@
+"""What a plan measures again at its end: stored, checked, carried out, and what a run makes of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import LASER, header, irb1600
+from command_line import zerobeam
+from deviating_arms import Arms
+from plan_requests import plan_request
+
+from zerobeam.analysis.estimation.threads import one_blas_thread
+from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.observability.changes import repeated, repeats_differ
+from zerobeam.analysis.observability.identifiability import identify
+from zerobeam.analysis.observability.power import powers
+from zerobeam.experiments.plans.make import make_plan
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.plan import Plan, first_in_turn, read_plan
+from zerobeam.model.likelihood.problem import Problem
+
+TARGET = np.array([900.0, 0.0, 0.0])
+
+
+def made(file: Path | None = None, **changes: Any) -> Plan:
+    plan = make_plan(plan_request(**changes), file, lambda stage, share: None).plan
+    assert plan is not None
+    return plan
+
+
+@pytest.mark.parametrize("kind", ["x", "optimal"])
+def test_a_plan_ends_with_its_first_postures_again(kind: str, tmp_path: Path) -> None:
+    plan = made(tmp_path / "plan.yaml", kind=kind, repeat=2)
+    assert [shot.again for shot in plan.shots] == [None] * 7 + [0, 1]
+    np.testing.assert_array_equal(plan.postures[7:], plan.postures[:2])
+    read = read_plan(tmp_path / "plan.yaml")
+    assert [shot.again for shot in read.shots] == [shot.again for shot in plan.shots]
+    # Those that are new are written as they always were.
+    rows = (tmp_path / "plan.yaml").read_text().partition("postures_deg:")[2].strip().splitlines()
+    assert all(row.strip().startswith("- [") for row in rows[:7])
+    assert all("again:" in row for row in rows[7:])
+    assert len(made(kind=kind, repeat=0).shots) == 7
+
+
+def test_of_several_targets_the_first_of_each_comes_first() -> None:
+    assert first_in_turn(["a", "a", "a", "b", "b", "c"], 2) == [0, 3]
+    assert first_in_turn(["a", "a", "a", "b", "b", "c"], 4) == [0, 1, 3, 5]
+    assert first_in_turn(["a"], 3) == [0]
+
+
+@pytest.mark.parametrize(
+    ("again", "what"),
+    [
+        (7, "repeats what is no posture of its own"),
+        (9, "repeats what is no posture of its own"),
+        (3, "repeats 3, but has other joints"),
+    ],
+)
+def test_a_repeat_of_something_else_is_refused(again: int, what: str, tmp_path: Path) -> None:
+    file = tmp_path / "plan.yaml"
+    made(file, repeat=2)
+    text = file.read_text()
+    file.write_text(text.replace("again: 1", f"again: {again}"))
+    with pytest.raises(BadInput, match=what) as refused:
+        read_plan(file)
+    assert refused.value.line == text.count("\n", 0, text.index("again: 1")) + 1
+
+
+def test_a_run_carries_the_repeats_out_and_knows_them(tmp_path: Path) -> None:
+    made(tmp_path / "plan.yaml", repeat=2)
+    ended = zerobeam("run", tmp_path / "plan.yaml", "--rig", "simulated", "-o", tmp_path / "run.jsonl")
+    assert ended.status == 0, ended.err
+    shots = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()[1:]]
+    assert [shot.get("again") for shot in shots] == [None] * 7 + [0, 1]
+
+
+def test_an_adaptive_run_ends_with_what_it_measured_first(tmp_path: Path) -> None:
+    made(tmp_path / "plan.yaml", shots=10, repeat=2)
+    ended = zerobeam(
+        "run", tmp_path / "plan.yaml", "--rig", "simulated", "--adaptive", "-o", tmp_path / "run.jsonl"
+    )
+    assert ended.status == 0, ended.err
+    shots = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()[1:]]
+    first = [shot["shot"] for shot in shots[:2]]
+    assert [shot["again"] for shot in shots[-2:]] == first
+    assert [shot["shot"] for shot in shots[-2:]] == [number + 12 for number in first]
+    assert all("again" not in shot for shot in shots[:-2])
+    refused = zerobeam(
+        "run", tmp_path / "plan.yaml", "--rig", "simulated", "--repeat", "1", "-o", tmp_path / "b"
+    )
+    assert "--repeat is for an adaptive run" in refused.err
+
+
+# What a run makes of it
+
+
+def outcome(plan: Plan, jump_deg: float, count: int, seed: int) -> tuple[int, int, int]:
+    """Of arms as they are, whose zero of one joint jumps halfway: how many pass, how many of these have an
+    offset that is wrong by more than 4 u for the arm at the end, and how many the repeats alone doubt."""
+    rng = np.random.default_rng(seed)
+    arms = Arms.at_random(count, rng)
+    joint = rng.integers(1, 5, size=count)
+    after = arms.offsets.copy()
+    after[np.arange(count), joint] += np.radians(jump_deg)
+    half = len(plan.postures) // 2
+    parts = [
+        replace(arms, offsets=offsets).recorded(postures, TARGET, rng)
+        for offsets, postures in ((arms.offsets, plan.postures[:half]), (after, plan.postures[half:]))
+    ]
+    joints, hit = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+    passes = wrong = doubted = 0
+    with one_blas_thread():
+        for k in range(count):
+            rows = joints[k][hit[k]]
+            solution = solve_run(
+                Problem.build(plan.header, irb1600(), rows, ["psd"] * len(rows)), plan.header
+            )
+            if solution.misfit is not None:
+                continue
+            if repeats_differ(solution.problem, solution.fit.x) is not None:
+                doubted += 1
+                continue
+            passes += 1
+            z = (solution.fit.x[1:6] - after[k, 1:]) / solution.std[1:6]
+            wrong += bool(np.abs(z[:4]).max() > 4)
+    return passes, wrong, doubted
+
+
+def typical(**changes: Any) -> Plan:
+    return made(header=header(LASER, target=None, geometry=None), **changes)
+
+
+def test_a_zero_that_jumps_is_found_by_what_is_measured_again() -> None:
+    passes, wrong, _ = outcome(typical(repeat=2), 0.4, 8, 1)
+    assert (passes, wrong) == (0, 0)
+    # The control: without repeats such arms pass, and are wrong.
+    passes, wrong, _ = outcome(typical(repeat=0), 0.4, 8, 1)
+    assert wrong >= 2
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("jump_deg", [0.05, 0.1, 0.2, 0.4])
+def test_no_jump_of_seven_measurements_hides(jump_deg: float) -> None:
+    passes, wrong, _ = outcome(typical(repeat=2), jump_deg, 200, 2)
+    assert wrong <= 0.02 * max(passes, 50)
+
+
+@pytest.mark.long
+def test_steady_arms_are_seldom_doubted() -> None:
+    _, wrong, doubted = outcome(typical(repeat=2), 0.0, 400, 3)
+    assert wrong <= 4
+    assert 1 <= doubted <= 12  # one in a hundred by its level; Bonferroni's bound makes it rarer
+
+
+def test_repeats_lower_the_risk() -> None:
+    plans = [typical(repeat=repeat) for repeat in (0, 2)]
+    risks = []
+    for plan in plans:
+        problem = Problem.from_plan(plan)
+        x = problem.nominal()
+        problem = problem.at_predicted(x)
+        identified = identify(problem, x)
+        risks.append({row.wrong: row for row in powers(problem, x, identified)})
+        assert len(repeated(problem)) == len(plan.shots) - 7
+    for wrong in ("jump", "drift", "moved"):
+        assert risks[1][wrong].risk < 0.2 < 0.9 < risks[0][wrong].risk
+        assert risks[1][wrong].hidden_tcp_mm < risks[0][wrong].hidden_tcp_mm / 2
