@@ -134,12 +134,15 @@ def confounded_sentence(
     its variance is of the noise."""
     if share is None or share < _MOSTLY:
         return None
-    text = f"{name(offset)}: {percent(share)} of the variance is set by the tolerances"
+    text = f"{percent(share)} of the variance of {name(offset)} comes from how far the links may deviate"
     rivals = [row for row in geometry.confounded if row.offset == offset and abs(row.correlation) >= _MOSTLY]
     if not rivals:
-        return f"{text}; it is confounded with no single parameter."
+        return f"{text}; no single one of them looks like it."
     named = [f"{name(row.parameter)} (correlation {correlation(row)})" for row in rivals]
-    return f"{text}; it is confounded with {listed(named)}."
+    return (
+        f"{text}: in these postures {listed(named)} {'looks' if len(named) == 1 else 'look'} much like it."
+        " Other postures can tell them apart, the same ones again cannot."
+    )
 
 
 def by_tolerances(cause: Cause, share: float | None) -> str | None:

@@ -551,36 +551,62 @@ def condition(powers: Sequence[DetectionPower]) -> str | None:
 _MOST_REMAINING = 3
 # What reveals wrong models, one remedy for each group.
 _REVEALS: tuple[tuple[frozenset[WrongModel], str], ...] = (
-    (_OF_THE_RUN, "Measure the first postures again at the end, or more of them (--repeat)"),
-    (frozenset({"reading", "typing"}), "Measure every posture twice (--repeat)"),
-    (frozenset({"backlash"}), "Come to every posture from the same side"),
-    (frozenset({"noise"}), "State the noise as it is, or have it estimated (noise: {scale: estimated})"),
-    (frozenset({"arm"}), "Measure more postures, or state how far the arm may deviate (geometry)"),
-    (frozenset({"tool", "beam"}), "Measure how the tool is mounted, and state it (tool.sigma)"),
+    (_OF_THE_RUN, "measure the first postures again at the end, or more of them (--repeat)"),
+    (frozenset({"reading", "typing"}), "measure every posture twice (--repeat)"),
+    (frozenset({"backlash"}), "come to every posture from the same side"),
+    (frozenset({"noise"}), "state the noise as it is, or have it estimated (noise: {scale: estimated})"),
+    (frozenset({"arm"}), "measure more postures, or state how far the arm may deviate (geometry)"),
+    (frozenset({"tool", "beam"}), "measure how the tool is mounted, and state it (tool.sigma)"),
 )
 
 
 def remaining(powers: Sequence[DetectionPower]) -> list[str]:
-    """What a pass does not exclude of what does harm, the most harmful first: what to do about it, and what
-    can hide without that."""
+    """What a pass does not exclude of what does harm, the most harmful first: what to do where it may be, and
+    what it does else."""
     sentences: list[tuple[float, str]] = []
     for wrong, remedy in _REVEALS:
         rows = [each for each in powers if each.dangerous and each.wrong in wrong and each.hidden_offset]
         if rows:
             worst = max(rows, key=harm)
-            sentences.append((harm(worst), f"{remedy}: else {_hidden_words(worst)}."))
+            sentences.append((harm(worst), _hidden_words(worst, remedy)))
     return [text for _, text in sorted(sentences, key=lambda one: -one[0])][:_MOST_REMAINING]
 
 
-def _hidden_words(power: DetectionPower) -> str:
-    """What a pass can hide, and what that does."""
+def _hidden_words(power: DetectionPower, remedy: str) -> str:
+    """What a pass can hide, what reveals it, and what it does."""
     assert power.hidden_size is not None
     assert power.hidden_offset is not None
-    size = replace(power, size=float(f"{power.hidden_size:.2g}"), joint=power.hidden_joint)
+    size = numbers.exact(float(f"{power.hidden_size:.2g}"), numbers.unit_of(power.unit))
+    offset = numbers.significant(power.hidden_offset, 2, "deg")
     at_tcp = power.hidden_tcp_mm
     mm = "" if at_tcp is None else f", the TCP by {numbers.significant(at_tcp, 2, 'mm')}"
-    offset = numbers.significant(power.hidden_offset, 2, "deg")
-    return f"{wrong_words(size)} can hide, and puts an offset off by {offset}{mm}"
+    may_be = _may_be(power, size)
+    return f"If {may_be}, {remedy}: a pass can hide that, and puts an offset off by up to {offset}{mm}."
+
+
+def _may_be(power: DetectionPower, size: str) -> str:
+    """What may be wrong, by up to a size, as a clause."""
+    match power.wrong:
+        case "tool":
+            return f"the tool may be {size} off"
+        case "beam":
+            return f"the beam may be {size} off its direction"
+        case "arm":
+            return f"the arm may be {size.replace('×', '')} times its tolerances off"
+        case "jump":
+            return f"the zero of J{power.hidden_joint} may have jumped by {size}"
+        case "drift":
+            return f"the zero of J{power.hidden_joint} may have drifted by {size}"
+        case "moved":
+            return f"the target may have moved by {size}"
+        case "reading":
+            return f"one reading may be {size} off"
+        case "typing":
+            return f"one joint value may be {size} off"
+        case "backlash":
+            return f"joints may have backlash of {size}"
+        case "noise":
+            return f"the noise may be {size} times the stated"
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:

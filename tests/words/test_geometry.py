@@ -87,10 +87,13 @@ def test_tolerances_of_each_link_are_a_range() -> None:
 
 def test_an_offset_that_the_tolerances_set_names_its_rival() -> None:
     assert confounded_sentence(STATED, "delta3", 0.92, person) == (
-        "J3 (δ3): 92\u00a0% of the variance is set by the tolerances; it is confounded with link 6, a"
-        " (correlation \u22120.90)."
+        "92\u00a0% of the variance of J3 (δ3) comes from how far the links may deviate: in these postures"
+        " link 6, a (correlation \u22120.90) looks much like it. Other postures can tell them apart, the same"
+        " ones again cannot."
     )
-    assert (confounded_sentence(STATED, "delta2", 0.92, person) or "").endswith("with no single parameter.")
+    assert (confounded_sentence(STATED, "delta2", 0.92, person) or "").endswith(
+        "no single one of them looks like it."
+    )
     # Below a half of the variance there is nothing to explain, and for nominal geometry no share.
     assert confounded_sentence(STATED, "delta3", 0.4, person) is None
     assert confounded_sentence(NOMINAL, "delta3", None, person) is None

@@ -134,8 +134,9 @@ def test_the_sentences() -> None:
         "A run of this plan detects a jump of the zero of J2 by 0.2° with a probability of 80 % or more."
     )
     assert hidden == (
-        "Measure how the tool is mounted, and state it (tool.sigma): else a tool 5\N{NO-BREAK SPACE}mm off"
-        " can hide, and puts an offset off by 0.18°, the TCP by 2.5\N{NO-BREAK SPACE}mm."
+        "If the tool may be 5\N{NO-BREAK SPACE}mm off, measure how the tool is mounted, and state it"
+        " (tool.sigma): a pass can hide that, and puts an offset off by up to 0.18°, the TCP by"
+        " 2.5\N{NO-BREAK SPACE}mm."
     )
     assert power_sentences(told[:1]) == [noticed]
 
@@ -144,19 +145,14 @@ def test_three_cautions_at_most_the_most_harmful_first() -> None:
     harms: tuple[tuple[WrongModel, float], ...] = (
         ("backlash", 0.4), ("reading", 3.0), ("jump", 1.0), ("drift", 2.0), ("noise", 0.5)
     )  # fmt: skip
-    rows = [
-        DetectionPower(
-            wrong, 0.2, "mm" if wrong == "reading" else "deg", 0.1, 5.0, 4, 0.5, 0.4, 0.3, 0.1, mm, 4
-        )
-        for wrong, mm in harms
-    ]
+    rows = [DetectionPower(wrong, 0.2, "deg", 0.1, 5.0, 4, 0.5, 0.4, 0.3, 0.1, mm, 4) for wrong, mm in harms]
     texts = remaining(rows)
-    assert [text.partition(" (")[0] for text in texts] == [
-        "Measure every posture twice",
-        "Measure the first postures again at the end, or more of them",  # once, by what does more harm
-        "State the noise as it is, or have it estimated",
+    assert [text.partition(",")[0] for text in texts] == [
+        "If one reading may be 0.3° off",
+        "If the zero of J4 may have drifted by 0.3°",  # of what changes during a run the most harmful
+        "If the noise may be 0.3° times the stated",
     ]
-    assert "a drift of the zero of J4 by 0.3°" in texts[1]
+    assert "measure the first postures again at the end" in texts[1]
     assert remaining([replace(row, risk=0.01) for row in rows]) == []
     # Where the TCP is not determined the errors of the offsets rank them.
     degrees = [replace(row, hidden_tcp_mm=None, hidden_offset=row.hidden_tcp_mm) for row in rows]
