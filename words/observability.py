@@ -5,7 +5,6 @@ and a plan's outlook.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Protocol
 
 from ..analysis.observability.causes import (
