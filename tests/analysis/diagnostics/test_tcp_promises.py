@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from cells import header, irb1600
 from deviating_arms import POINT, Arms, N
+from scipy import stats
 
 from zerobeam.analysis.diagnostics.values_to_enter import TcpError, entered
 from zerobeam.analysis.estimation.threads import one_blas_thread
@@ -150,5 +151,6 @@ def test_the_bands_of_four_hundred_arms_hold_in_each_region(shots: int, tmp_path
     counts = held(shots, 400, tmp_path, seed=11, floor=True)
     of = counts.pop(("all", "of"))
     assert of >= 390
-    shares = {key: count / of for key, count in counts.items()}
-    assert all(0.9 <= share <= 0.99 for share in shares.values()), shares
+    # Of runs that hold in 90 to 99 %: fewer or more with a probability of 1 %. Measured: 90.2 to 96.7 %.
+    least, most = stats.binom.ppf(0.01, of, 0.9), stats.binom.isf(0.01, of, 0.99)
+    assert all(least <= count <= most for count in counts.values()), counts
