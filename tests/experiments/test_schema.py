@@ -80,7 +80,7 @@ def test_the_examples_of_the_design_have_only_keys_of_the_schema():
     assert set(header) == set(wanted.split())
     assert set(json_schema("plan")["properties"]) == {*header, "constraints", "postures_deg"}
     shot = "shot posture instrument reflector target joints_deg spot_mm measured_mm measured_quat sigma_mm"
-    shot += " time_s source comment"
+    shot += " time_s source comment again"
     assert set(json_schema("run-shot")["properties"]) == set(shot.split())
 
 
