@@ -56,9 +56,9 @@ def _remedy(row: OutlookRow) -> str:
         case "none":
             return "as it is"
         case "postures":
-            return f"better postures, again {row.shots}"
+            return f"better postures, again {row.shots}, 2 of them twice"
         case "more":
-            return f"{row.shots} measurements, in the best postures"
+            return f"{row.shots} measurements in the best postures, 2 again"
         case "repeat":
             return "the first two postures again"
         case "mounting":

@@ -33,6 +33,7 @@ from .tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
 COVERAGE = 2.0  # k of every U here
 NUMBERS = (12, 20)  # of measurements that are proposed
 _MOST = 40  # measurements: with more, other postures change little
+_SAME = 5e-3  # rad, or shares of a metre: what is nearer is the same posture, but for noise and the servo
 _DETERMINED = 0.5  # of its prior: an offset of which the measurements alone leave more is not determined
 _NOTHING = 1e-6  # of a prior's information
 _CLOSER = 5.0  # times: what is measured of a mounting next to what is assumed
@@ -55,7 +56,9 @@ class OutlookRow:
             " instrument is measured; `links`: the links are entered as well, where the controller takes them"
         ),
     ]
-    shots: Annotated[int, it("how many measurements there are then")]
+    shots: Annotated[
+        int, it("how many different measurements there are then; a new plan has its first two again besides")
+    ]
     U: Annotated[
         dict[str, float | None],
         it(
@@ -194,6 +197,7 @@ class _Remedies:
         known_now = np.array([known(status) for status in prospect.status], dtype=np.bool_)
         self.known_now: Mask = known_now[self.problem.parameters.free]
         by_hand = float(np.mean([kind.minutes for kind in prospect.header.kinds.values()]))
+        self.count = _different(self.problem)
         self.each = by_hand if prospect.minutes_each is None else prospect.minutes_each
         self.forecast = TcpForecast(self.problem, prospect.x, prospect.status)
         if prospect.estimated:
@@ -229,12 +233,13 @@ class _Remedies:
     def better(self) -> dict[int, Matrix]:
         """By number of measurements the roots (N, d, f) of the best postures; nothing of several instruments,
         whose numbers are for people to divide."""
-        count, of = self.problem.shots, self.of
+        count, of = self.count, self.of
         if len(of.header.labels) > 1 or count > _MOST:
             return {}
         search = PostureSearch(self.problem, of.x, of.header.targets, of.prospects.allowed, of.weight)
         counts = [max(count, 2), *(each for each in NUMBERS if each > count)]
-        return {shots: chosen.roots for shots, chosen in search.best(counts).items()}
+        best = search.best(counts)
+        return {shots: _with_repeats(chosen.roots) for shots, chosen in best.items()}
 
     @cached_property
     def improvable(self) -> Index:
@@ -251,20 +256,20 @@ class _Remedies:
             estimates = EstimatesOfArms.made(self.belief)
         else:
             estimates = EstimatesOfArms.of_new_run(self.belief, covariance, self.of.roots)
-        return self._row("none", self.problem.shots, covariance, estimates, self.known_now, 0.0)
+        return self._row("none", self.count, covariance, estimates, self.known_now, 0.0)
 
     def by_postures(self) -> Iterator[OutlookRow]:
         """As many measurements, and more, in the best postures."""
         for shots, roots in self.better.items():
-            remedy: Remedy = "postures" if shots == self.problem.shots else "more"
+            remedy: Remedy = "postures" if shots == self.count else "more"
             options = ("--shots", str(shots), *constraint_options(self.of.prospects.constraints))
-            yield self._of_new_run(remedy, roots, options)
+            yield self._of_new_run(remedy, shots, roots, options)
 
     def by_repeating(self) -> Iterator[OutlookRow]:
         """The first postures again at the end. What they do not determine, they do not determine again."""
-        roots = self.of.roots
-        again = np.concatenate([roots, roots[:REPEATED]])
-        yield self._of_new_run("repeat", again, (), may_be=self.known_now)
+        if self.count == self.problem.shots <= _MOST:
+            again = _with_repeats(self.of.roots)
+            yield self._of_new_run("repeat", self.count, again, (), may_be=self.known_now)
 
     def by_mounting(self) -> Iterator[OutlookRow]:
         """What is assumed of the instruments is measured and stated."""
@@ -281,7 +286,7 @@ class _Remedies:
         largest, before = (self._largest(each, self.resting) for each in (covariance, of.covariance))
         yield OutlookRow(
             remedy="mounting",
-            shots=self.problem.shots,
+            shots=self.count,
             U=self._expanded(covariance, self.known_now | resting, [*self.improvable, *self.resting]),
             tcp_median_mm=now.tcp_median_mm,
             tcp_95_mm=now.tcp_95_mm,
@@ -310,16 +315,19 @@ class _Remedies:
         )
 
     def _of_new_run(
-        self, remedy: Remedy, roots: Matrix, options: tuple[str, ...], may_be: Mask | None = None
+        self,
+        remedy: Remedy,
+        shots: int,
+        roots: Matrix,
+        options: tuple[str, ...],
+        may_be: Mask | None = None,
     ) -> OutlookRow:
         """Measurements with these roots (N, d, f), by themselves."""
         covariance = _inverse(roots, np.ones(roots.shape[-1]))
         determined = self._determined(roots)
         determined = determined if may_be is None else determined & may_be
         estimates = EstimatesOfArms.of_new_run(self.belief, covariance, roots)
-        return self._row(
-            remedy, len(roots), covariance, estimates, determined, self.each * len(roots), options
-        )
+        return self._row(remedy, shots, covariance, estimates, determined, self.each * len(roots), options)
 
     def _determined(self, roots: Matrix) -> Mask:
         """(f,) what measurements with these roots (N, d, f) determine with nothing known but the tolerances,
@@ -375,6 +383,21 @@ class _Remedies:
     @staticmethod
     def _gain(after: float, before: float) -> float:
         return 1 - after / before if before > 0 else 0.0
+
+
+def _different(problem: Problem) -> int:
+    """How many measurements are in no posture of an earlier one of the same target."""
+    scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+    joints, targets = problem.joints / scale, problem.target_index
+    return sum(
+        not ((np.abs(joints[:i] - joints[i]).max(axis=1) < _SAME) & (targets[:i] == targets[i])).any()
+        for i in range(min(problem.shots, _MOST))
+    ) + max(problem.shots - _MOST, 0)
+
+
+def _with_repeats(roots: Matrix) -> Matrix:
+    """Measurements with these roots (N, d, f), the first of them again at the end, as plans have it."""
+    return np.concatenate([roots, roots[:REPEATED]])
 
 
 def _inverse(roots: Matrix, prior: Matrix) -> Matrix:

@@ -55,13 +55,13 @@ def achieved(remedy: str, count: int, candidates: int) -> Achieved:
     postures, tilt = plan.postures, row.state.get("tool.sigma.tilt_deg")
     if row.options:
         shots = int(row.options[row.options.index("--shots") + 1])
-        request = plan_request(header=plan.header, shots=shots, candidates=candidates)
+        request = plan_request(header=plan.header, shots=shots, candidates=candidates, repeat=2)
         made = make_plan(request, None, lambda *_: None).plan
         assert made is not None
         postures = made.postures
     if remedy == "repeat":
         postures = np.concatenate([postures, postures[:2]])
-    assert len(postures) == row.shots
+    assert len(postures) == row.shots + (2 if row.options or remedy == "repeat" else 0)
     tool: dict[str, Any] = LASER if tilt is None else {**LASER, "sigma": {"tilt_deg": tilt}}
     own = header(tool, target=TARGET, geometry=None)
     names = [name for name in (*OFFSETS, "delta6") if name in row.U]
