@@ -564,7 +564,7 @@ def remaining(powers: Sequence[DetectionPower]) -> list[str]:
     what it does else."""
     sentences: list[tuple[float, str]] = []
     for wrong, remedy in _REVEALS:
-        rows = [each for each in powers if each.dangerous and each.wrong in wrong and each.hidden_offset]
+        rows = [each for each in powers if each.dangerous and each.wrong in wrong and harm(each) > 0]
         if rows:
             worst = max(rows, key=harm)
             sentences.append((harm(worst), _hidden_words(worst, remedy)))
@@ -591,7 +591,7 @@ def _may_be(power: DetectionPower, size: str) -> str:
         case "beam":
             return f"the beam may be {size} off its direction"
         case "arm":
-            return f"the arm may be {size.replace('×', '')} times its tolerances off"
+            return f"the arm may be {size} its tolerances off"
         case "jump":
             return f"the zero of J{power.hidden_joint} may have jumped by {size}"
         case "drift":
@@ -605,7 +605,7 @@ def _may_be(power: DetectionPower, size: str) -> str:
         case "backlash":
             return f"joints may have backlash of {size}"
         case "noise":
-            return f"the noise may be {size} times the stated"
+            return f"the noise may be {size} the stated"
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:

@@ -93,7 +93,10 @@ class Biases(Linearised):
         places = np.flatnonzero(counts)
         self.joints: Index = places - parameters.block("offset").start
         self.std = std * parameters.prior_std[places]
-        self.display = np.array([parameters.items[i].display for i in places])
+        # Degrees, of those that turn.
+        self.degrees = np.array(
+            [item.display * (item.unit == "deg") for item in (parameters.items[i] for i in places)]
+        )
 
     def squares(self, square: Matrix, u: Matrix) -> Matrix:
         """(k,) the noncentralities of the squares of residuals and tolerances."""

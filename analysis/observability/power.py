@@ -109,7 +109,8 @@ class DetectionPower:
         ),
     ] = None
     hidden_offset: Annotated[
-        float | None, it("the largest error of an offset by that, deg (mm), which is not merely `assumed`")
+        float | None,
+        it("the largest error by that of an offset, deg, of joints that turn and are not merely `assumed`"),
     ] = None
     hidden_tcp_mm: Annotated[
         float | None,
@@ -363,8 +364,8 @@ class _Powers:
         )
 
     def _harm(self, errors: Matrix) -> tuple[float, float | None]:
-        """By errors (o,) of the offsets, rad or mm: the largest, deg (mm), and the TCP's, mm."""
-        largest = float(np.abs(errors * self._biases.display).max(initial=0.0))
+        """By errors (o,) of the offsets, rad or mm: the largest in degrees, and the TCP's, mm."""
+        largest = float(np.abs(errors * self._biases.degrees).max(initial=0.0))
         if self._by_tcp is None:
             return largest, None
         return largest, float(np.median(np.linalg.norm(self._by_tcp @ errors, axis=1)))
@@ -372,7 +373,7 @@ class _Powers:
     def _random_harm(self, covariance: Matrix) -> tuple[float, float | None]:
         """The same by random errors of the offsets with this covariance (o, o): their std."""
         stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        largest = float((stds * self._biases.display).max(initial=0.0))
+        largest = float((stds * self._biases.degrees).max(initial=0.0))
         if self._by_tcp is None:
             return largest, None
         squares = np.einsum("pka,ab,pkb->p", self._by_tcp, covariance, self._by_tcp)
@@ -467,7 +468,7 @@ def _by_tcp(biases: Biases, status: Sequence[Status]) -> Matrix | None:
 
 
 def harm(power: DetectionPower) -> float:
-    """By which what a pass can hide is ranked: at the TCP, mm, else of an offset, deg (mm)."""
+    """By which what a pass can hide is ranked: at the TCP, mm, else of an offset, deg."""
     return power.hidden_tcp_mm or power.hidden_offset or 0.0
 
 

@@ -49,7 +49,7 @@ def _offsets(**values: float | None) -> Change:
                         "midpoint": None,
                         "tolerance_share": None,
                     }
-        content |= {"intervals": [], "budget": [], "without_prior": None}
+        content |= {"intervals": [], "budget": [], "without_prior": None, "outlook": None}
         content["posterior"]["parameters"] = None
         if None in values.values():
             content["verdict"] = "degenerate"

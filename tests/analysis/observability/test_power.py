@@ -150,9 +150,14 @@ def test_three_cautions_at_most_the_most_harmful_first() -> None:
     assert [text.partition(",")[0] for text in texts] == [
         "If one reading may be 0.3° off",
         "If the zero of J4 may have drifted by 0.3°",  # of what changes during a run the most harmful
-        "If the noise may be 0.3° times the stated",
+        "If the noise may be 0.3° the stated",
     ]
     assert "measure the first postures again at the end" in texts[1]
+    noise = DetectionPower("noise", 3.0, "1", 0.1, 5.0, None, 0.5, 4.0, 4.0, 0.1, 0.5)
+    (text,) = remaining([noise])
+    assert text.startswith(
+        "If the noise may be 4\N{NO-BREAK SPACE}times the stated, state the noise as it is"
+    )
     assert remaining([replace(row, risk=0.01) for row in rows]) == []
     # Where the TCP is not determined the errors of the offsets rank them.
     degrees = [replace(row, hidden_tcp_mm=None, hidden_offset=row.hidden_tcp_mm) for row in rows]
