@@ -103,11 +103,15 @@ def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: fl
             f" {tolerances_words(geometry)}, {considered}. Leave out geometry: exact to estimate it."
         )
     half, twice = _range(geometry.at_half, units, k), _range(geometry.at_twice, units, k)
-    factors = "" if geometry.factors is None else ", multiplied by the factors that the data give them"
+    otherwise = (
+        f"With half the tolerances it would be {half or _UNKNOWN}, with twice {twice or _UNKNOWN}; with"
+    )
+    factors = ""
+    if geometry.factors is not None:  # the data say how large the tolerances are, whatever is stated
+        otherwise, factors = "With", ", multiplied by the factors that the data give them"
     return (
         f"With the geometry estimated within its tolerances ({tolerances_words(geometry)}{factors}) {u} is"
-        f" {present}. With half the tolerances it would be {half or _UNKNOWN}, with twice"
-        f" {twice or _UNKNOWN}; with nominal geometry, if the arm deviates from it by these tolerances,"
+        f" {present}. {otherwise} nominal geometry, if the arm deviates from it by these tolerances,"
         f" {considered}."
     )
 
@@ -165,12 +169,15 @@ def factors_sentence(geometry: GeometryResult) -> str | None:
     """By what the data multiply the tolerances; u is that of a factor of lognormal distribution."""
     if geometry.factors is None:
         return None
-    length, angle = geometry.factors.length, geometry.factors.angle
-    by_length, by_angle = geometry.factors.log_u
+    factors = geometry.factors
+    known_u = [u for u in factors.log_u if u is not None]
+    parts = [
+        f"{kind} by {numbers.significant(factor, 2)} (relative u {percent(u)})"
+        for (kind, factor), u in zip(factors.by_kind().items(), known_u, strict=True)
+    ]
     return (
-        f"The data multiply the tolerances of lengths by {numbers.significant(length, 2)} (relative u"
-        f" {percent(by_length)}) and those of angles by {numbers.significant(angle, 2)} (relative u"
-        f" {percent(by_angle)}); the intervals include what these factors leave open."
+        f"The data multiply the tolerances of {listed(parts)}; the intervals include what these factors leave"
+        " open."
     )
 
 

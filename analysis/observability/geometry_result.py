@@ -153,8 +153,9 @@ class GeometryResult:
     factors: Annotated[
         Factors | None,
         it(
-            "with `scale: estimated` by what the data multiply the tolerances: `length`, `angle`, and"
-            " `log_u`, the standard uncertainty of the logarithm of each; else null"
+            "with `scale: estimated` by what the data multiply the tolerances: `length`, `angle`, `gravity`,"
+            " `harmonics` (null where nothing of the kind is estimated), and `log_u`, the standard"
+            " uncertainty of the logarithm of each; else null"
         ),
     ]
     ladder: Annotated[
@@ -177,8 +178,8 @@ class GeometryResult:
     at_half: Annotated[
         dict[str, float | None],
         it(
-            "by offset name, what `std` would be at half the tolerances; empty for nominal geometry; "
-            "null where the model does not describe the data"
+            "by offset name, what `std` would be at half the tolerances; empty for nominal geometry and "
+            "with `factors`; null where the model does not describe the data"
         ),
     ]
     at_twice: Annotated[dict[str, float | None], it("the same at twice the tolerances")]
@@ -214,7 +215,7 @@ def geometry_result(
         }
 
     def at(factor: float) -> dict[str, float | None]:
-        if not len(problem.tolerated):
+        if factors is not None or not len(problem.tolerated):
             return {}
         stds = of_offsets(parameters.unscaled(with_tolerances(problem, covariance, factor)))
         return {name: std if np.isfinite(std) else None for name, std in stds.items()}

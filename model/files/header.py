@@ -107,7 +107,8 @@ class StatedGeometry(FileModel):
     )
     scale: Literal["known", "estimated"] = Field(
         default="known",
-        description="estimated: the tolerances are right up to one factor for lengths and one for angles",
+        description="estimated: the tolerances are right up to factors of lengths, angles, gravity and"
+        " harmonics, which the data give",
     )
     gravity: Switch = Field(
         default="auto",

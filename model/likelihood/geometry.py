@@ -150,9 +150,16 @@ class Geometry:
             gravity = _bending(robot, tuple(gravity.masses.tolist()), tuple(gravity.up.tolist()))
         return replace(self, links=links, gravity=gravity)
 
-    def scaled(self, length: float, angle: float) -> Geometry:
-        """This geometry with the tolerances of links multiplied: lengths by one factor, angles by another."""
-        return replace(self, length=self.length * length, angle=self.angle * angle)
+    def scaled(self, length: float, angle: float, gravity: float = 1.0, harmonics: float = 1.0) -> Geometry:
+        """This geometry with its tolerances multiplied: those of links' lengths and angles, of the deflection
+        under gravity, and of harmonics, each by a factor."""
+        return replace(
+            self,
+            length=self.length * length,
+            angle=self.angle * angle,
+            deflection=self.deflection * gravity,
+            harmonic=self.harmonic * harmonics,
+        )
 
     def __bool__(self) -> bool:
         return bool(self.names)

@@ -338,8 +338,8 @@ def _tolerances(links: LinkTolerances) -> str:
 def _factors(factors: Factors | None) -> str:
     if factors is None:
         return ""
-    length, angle = (numbers.significant(factor, 2) for factor in (factors.length, factors.angle))
-    return f", which the data multiply by {length} (lengths) and {angle} (angles)"
+    parts = [f"{numbers.significant(factor, 2)} ({kind})" for kind, factor in factors.by_kind().items()]
+    return f", which the data multiply by {listed(parts)}"
 
 
 def _priors(rows: Iterable[Prior]) -> Iterator[str]:

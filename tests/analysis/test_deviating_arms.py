@@ -17,6 +17,7 @@ from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.solution import require_noise_data
 from zerobeam.model.errors import BadInput
+from zerobeam.model.files.header import Header
 from zerobeam.model.likelihood.problem import Problem
 
 TARGET = (900.0, 0.0, 0.0)
@@ -54,10 +55,12 @@ def outcome(
     factor: float = 1.0,
     geometry: str | None = None,
     scale: str = "known",
+    tolerances: str = "known",
 ) -> Outcome:
     """`count` arms that deviate by `factor` times the typical sizes (0: in nothing), each measured that often
-    and solved with that `geometry` and `noise.scale` in the header."""
-    stated: dict[str, Any] = {"geometry": geometry, "noise": {"scale": scale}}
+    and solved with that `geometry` and `noise.scale` in the header, without `geometry` with that
+    `geometry.scale`."""
+    stated: dict[str, Any] = {"geometry": geometry or {"scale": tolerances}, "noise": {"scale": scale}}
     own = header(target=TARGET, **stated)
     rng = np.random.default_rng(2014)
     postures = varied_postures(header(target=TARGET), irb1600(), TARGET, measurements, seed=7)
@@ -116,6 +119,38 @@ def test_four_hundred_arms(measurements: int) -> None:
 def test_a_hundred_arms_three_times_as_far_off_seldom_pass(measurements: int, most: float) -> None:
     """Seven measurements leave six degrees of freedom: too few to notice every one."""
     assert 1 - outcome(measurements, 100, 3.0).misfit.mean() <= most
+
+
+def test_the_factors_of_the_tolerances_are_those_of_the_arms() -> None:
+    own, rng = header(target=TARGET, geometry={"scale": "estimated"}), np.random.default_rng(2014)
+    postures = varied_postures(header(target=TARGET), irb1600(), TARGET, 20, seed=7)
+    for factor, low, high in ((2.0, 1.4, 2.8), (1.0, 0.7, 1.3), (0.0, 0.0, 0.4)):
+        joints, hit = Arms.at_random(6, rng, Sizes().times(factor)).recorded(postures, np.array(TARGET), rng)
+        logarithms = [np.log(_factors(own, seen[there])) for seen, there in zip(joints, hit, strict=True)]
+        assert low < np.exp(np.mean(logarithms)) < high
+
+
+def _factors(own: Header, joints: np.ndarray) -> list[float]:
+    factors = solve_run(Problem.build(own, irb1600(), joints, ["psd"] * len(joints)), own).factors
+    assert factors is not None
+    return list(factors.by_kind().values())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("measurements", "most"), [(7, 1.5), (12, 1.35), (20, 1.25)])
+def test_twice_as_far_off_passes_with_estimated_tolerances(measurements: int, most: float) -> None:
+    wider, as_stated = (outcome(measurements, 100, 2.0, tolerances=scale) for scale in ("estimated", "known"))
+    assert wider.misfit.mean() < 0.1 < as_stated.misfit.mean()
+    assert wider.rms < most
+    assert np.mean(np.nanmax(np.abs(wider.z[~wider.misfit]), axis=1) > 4) < 0.05
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("measurements", [7, 12, 20])
+def test_typical_arms_lose_nothing_by_estimated_tolerances(measurements: int) -> None:
+    typical = outcome(measurements, 200, tolerances="estimated")
+    assert typical.rms < _largest_rms(200)
+    assert typical.misfit.mean() < 0.05
 
 
 def _require_coverage(found: Outcome) -> None:

@@ -67,7 +67,7 @@ def worked_out(answer: Any) -> Iterator[float]:
     rows = [row for row in answer["parameters"] if row["group"] == "geometry" and not row["held"]]
     yield from (len(rows), sum(row["estimate"] is None for row in rows))
     if answer["geometry"]["factors"] is not None:
-        yield from (100 * value for value in answer["geometry"]["factors"]["log_u"])
+        yield from (100 * u for u in answer["geometry"]["factors"]["log_u"] if u is not None)
     for budget in answer["budget"]:
         offset = budget["name"].startswith("delta")
         own = [other["rows"] for other in answer["budget"] if other["name"].startswith("delta") == offset]

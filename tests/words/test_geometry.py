@@ -62,9 +62,12 @@ def test_stated_tolerances_are_halved_and_doubled() -> None:
     assert said.endswith(
         "with nominal geometry, if the arm deviates from it by these tolerances, 0.018° to 0.090°."
     )
-    with_factors = replace(STATED, factors=Factors(2.0, 0.5, (0.25, 0.4)))
+    with_factors = replace(STATED, factors=Factors(2.0, 0.5, None, 1.5, (0.25, 0.4, None, 0.3)))
     assert "multiplied by the factors that the data give them" in (worth_sentence(with_factors, ROWS) or "")
+    assert "half the tolerances" not in (worth_sentence(with_factors, ROWS) or "")
     assert "lengths by 2.0 (relative u 25\u00a0%)" in (factors_sentence(with_factors) or "")
+    assert "and harmonics by 1.5 (relative u 30\u00a0%)" in (factors_sentence(with_factors) or "")
+    assert "gravity" not in (factors_sentence(with_factors) or "")
     assert factors_sentence(STATED) is None
 
 

@@ -9,7 +9,7 @@ import pytest
 from geometry_runs import geometry_run
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.estimation.tolerance_factors import _PRIOR_STD, _kinds, _Linear
+from zerobeam.analysis.estimation.tolerance_factors import _OF_ARM, _OF_GROUP, _kinds, _Linear, _prior_root
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.problem import Problem
 
@@ -24,10 +24,14 @@ def marginal(fit: LikelihoodFit, at: Matrix) -> float:
     """Log density of the linearised data, normal about what the priors predict, with the factors' prior."""
     columns = fit.whitened.jacobian[:, fit.problem.parameters.free]
     data = fit.whitened.residual - columns @ fit.z
-    spread = np.exp(2 * (_kinds(fit.problem) @ at))
+    kinds = _kinds(fit.problem)
+    logarithms = _prior_root(kinds) @ at
+    spread = np.exp(2 * (kinds @ logarithms))
     covariance = np.eye(len(data)) + (columns * spread) @ columns.T
+    there = logarithms[kinds.any(axis=0)]
+    prior = there @ np.linalg.solve(_OF_ARM**2 + _OF_GROUP**2 * np.eye(len(there)), there)
     square = data @ np.linalg.solve(covariance, data)
-    return -(square + np.linalg.slogdet(covariance)[1] + float(at @ at) / _PRIOR_STD**2) / 2
+    return -(square + np.linalg.slogdet(covariance)[1] + prior) / 2
 
 
 def test_the_evidence_is_the_density_of_the_data(fit: LikelihoodFit) -> None:
@@ -41,7 +45,7 @@ def test_the_evidence_is_the_density_of_the_data(fit: LikelihoodFit) -> None:
 def test_the_curvature_is_of_the_evidence(fit: LikelihoodFit) -> None:
     linear, at = _Linear(fit, np.zeros(2)), np.array([-0.5, 0.5])
     curvature = linear.curvature(at)
-    assert (np.linalg.eigvalsh(curvature) > 1.5 / _PRIOR_STD**2).all()  # the data tell: no bound is met
+    assert (np.linalg.eigvalsh(curvature) > 1.5).all()  # the data tell: no bound is met
     for way in ([1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]):
         step = 0.05 * np.array(way)
         values = [linear.log_evidence(at + k * step) for k in (-1, 0, 1)]

@@ -358,7 +358,9 @@ def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
     assert factors is not None
     assert to_json(freed)["assumed"]["geometry"]["factors"]["length"] == factors.length
     within = "estimated within tolerances of 0.3\u00a0mm and 0.1°, which the data multiply by"
-    assert f"{within} {factors.length:.2f} (lengths) and {factors.angle:.2f} (angles)" in shown.words
+    parts = [f"{factor:#.2g} ({kind})" for kind, factor in factors.by_kind().items()]
+    assert len(parts) > 1
+    assert f"{within} {', '.join(parts[:-1])} and {parts[-1]}" in shown.words
     assert "U if the arm deviates" not in shown.words
     noisy = of_result(tmp_path / "separate", example_results.separate())
     assert [row["name"] for row in to_json(noisy)["assumed"]["noise_factors"]] == [
