@@ -86,10 +86,7 @@ def with_open_factors(fit: LikelihoodFit, factors: Factors) -> LikelihoodFit:
     kinds = _kinds(fit.problem)
     logarithms = np.log([factors.by_kind().get(kind, 1.0) for kind in KINDS])
     at = np.asarray(np.linalg.pinv(_prior_root(kinds)) @ logarithms, dtype=np.float64)
-    near = _Linear(fit, at)
-    by_factors = near.slopes(at)
-    spread = np.linalg.inv(near.curvature(at))
-    return replace(fit, covariance=fit.covariance + by_factors @ spread @ by_factors.T)
+    return replace(fit, covariance=fit.covariance + _Linear(fit, at).open_covariance(at))
 
 
 class _Linear:
@@ -124,10 +121,20 @@ class _Linear:
         log_det = float(np.log(precision).sum() - np.linalg.slogdet(information)[1])
         return (drop + log_det - float((at**2).sum())) / 2
 
-    def slopes(self, at: Matrix) -> Matrix:
-        """(f, k) of the mode by the coordinates, in the units of the fit."""
-        ends = [(self._step(at + step)[0], self._step(at - step)[0]) for step in _STEP * np.eye(len(at))]
-        return np.array([(up - down) / (2 * _STEP) for up, down in ends]).T
+    def open_covariance(self, at: Matrix) -> Matrix:
+        """(f, f) by how much the total variance over the factors exceeds the variance at these, in the units
+        of the fit: the mean of the variances and the spread of the modes, each at 2 k points (cubature:
+        Arasaratnam and Haykin 2009). A variance grows with the square of a factor, so that its mean is more
+        than that at the mean of the logarithm."""
+        root = np.linalg.cholesky(np.linalg.inv(self.curvature(at))) * np.sqrt(len(at))
+        middle, _, information, _ = self._step(at)
+        added = -np.linalg.inv(information)
+        for away in [*root.T, *-root.T]:
+            step, _, information, _ = self._step(at + away)
+            moved = step - middle
+            added = added + (np.linalg.inv(information) + np.outer(moved, moved)) / (2 * len(at))
+        values, vectors = np.linalg.eigh((added + added.T) / 2)
+        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
     def curvature(self, at: Matrix) -> Matrix:
         """(k, k) of the negative log evidence; what the data do not tell has that of the prior."""

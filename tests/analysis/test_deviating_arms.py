@@ -137,18 +137,22 @@ def _factors(own: Header, joints: np.ndarray) -> list[float]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("measurements", "most"), [(7, 1.5), (12, 1.35), (20, 1.25)])
-def test_twice_as_far_off_passes_with_estimated_tolerances(measurements: int, most: float) -> None:
+@pytest.mark.parametrize("measurements", [7, 12, 20])
+def test_twice_as_far_off_passes_with_estimated_tolerances(measurements: int) -> None:
+    """By those stated, where it passes, u is about half of what it should be."""
     wider, as_stated = (outcome(measurements, 100, 2.0, tolerances=scale) for scale in ("estimated", "known"))
-    assert wider.misfit.mean() < 0.1 < as_stated.misfit.mean()
-    assert wider.rms < most
+    assert wider.misfit.mean() < 0.1
+    assert wider.rms < 1.3
     assert np.mean(np.nanmax(np.abs(wider.z[~wider.misfit]), axis=1) > 4) < 0.05
+    assert as_stated.misfit.mean() > 0.3
+    assert as_stated.misfit.all() or as_stated.rms > 1.3
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("measurements", [7, 12, 20])
 def test_typical_arms_lose_nothing_by_estimated_tolerances(measurements: int) -> None:
     typical = outcome(measurements, 200, tolerances="estimated")
+    assert 0.92 < typical.coverage < 0.98
     assert typical.rms < _largest_rms(200)
     assert typical.misfit.mean() < 0.05
 

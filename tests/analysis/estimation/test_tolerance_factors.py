@@ -50,3 +50,15 @@ def test_the_curvature_is_of_the_evidence(fit: LikelihoodFit) -> None:
         step = 0.05 * np.array(way)
         values = [linear.log_evidence(at + k * step) for k in (-1, 0, 1)]
         assert 2 * values[1] - values[0] - values[2] == pytest.approx(step @ curvature @ step, rel=0.05)
+
+
+def test_what_the_factors_leave_open_is_the_total_variance(fit: LikelihoodFit) -> None:
+    """Over draws of the factors, each with the mode and the variance that it brings."""
+    linear, at = _Linear(fit, np.zeros(2)), np.array([-0.5, 0.5])
+    root = np.linalg.cholesky(np.linalg.inv(linear.curvature(at)))
+    draws = at + np.random.default_rng(0).normal(size=(3000, 2)) @ root.T
+    steps, _, information, _ = zip(*(linear._step(draw) for draw in draws), strict=True)
+    total = np.mean([np.linalg.inv(each) for each in information], axis=0) + np.cov(np.array(steps).T)
+    here = np.linalg.inv(linear._step(at)[2])
+    np.testing.assert_allclose(np.diag(here + linear.open_covariance(at)), np.diag(total), rtol=0.05)
+    assert (np.diag(total) > 1.02 * np.diag(here)).any()  # else nothing is tested
