@@ -64,7 +64,8 @@ def test_with_geometry_stated_the_share_of_the_tolerances_stands_there() -> None
         assert shown.cells[-1].text == expected
         assert share is None or 0 <= share <= 1
     text = paragraphs(offsets_section(geometry()))
-    assert "With half the tolerances" in text
+    assert "With nominal geometry, if the arm deviates" in text
+    assert "half the tolerances" not in text  # they are multiplied by what the data say
     assert "Leave out geometry" not in text
 
 
