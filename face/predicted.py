@@ -55,7 +55,9 @@ def predicted_positions(
     covariance = arm_covariance(problem, fit.covariance)
     variance = np.einsum("pia,ab,pib->pi", jacobian, covariance, jacobian)
     offsets = problem.parameters.block("offset")
-    effect = np.linalg.norm(jacobian[:, :, offsets], axis=1) * problem.parameters.prior_std[offsets]
+    # Of the nominal arm: a point of its last axis is a fraction of a mm off that of an arm that deviates.
+    nominal = tool_point(problem, problem.parameters.prior_mean, point, recorded)[1][:, :, offsets]
+    effect = np.linalg.norm(nominal, axis=1) * problem.parameters.prior_std[offsets]
     unknown = (effect[:, undetermined_offsets(problem, solution.status)] > NO_EFFECT).any(axis=1)
     numbers = np.hstack([position, np.sqrt(variance)])
     numbers[unknown] = np.nan

@@ -235,6 +235,16 @@ def test_a_prediction_is_the_arm_with_its_offsets(good: zb.Analysed, x_pattern: 
         good.predict(postures)
 
 
+def test_a_point_of_the_last_axis_does_not_depend_on_its_offset_although_links_deviate() -> None:
+    typical = {key: value for key, value in EXACT.items() if key != "geometry"}
+    joints = zb.read_run(demo_runs()[0].path).joints
+    solution = zb.analyse(zb.Run.from_arrays(**typical, joints=joints, unit="rad", limits="warn"), ess=100)
+    assert solution["J6"].status == "assumed"
+    posture = [10, -20, 30, 5, 40, 0]
+    assert solution.predict(posture, "deg").notna().all(axis=None)
+    assert solution.predict(posture, "deg", point_mm=(50, 0, 65)).isna().all(axis=None)
+
+
 def test_chains_are_ensembles_with_as_many_draws_as_they_are_worth(
     good: zb.Analysed, x_pattern: zb.Analysed
 ) -> None:
