@@ -67,7 +67,7 @@ def _abb(program: Path, arm: PendantArm) -> None:
 
 def _cal_offsets(text: str) -> dict[int, float]:
     """The readings fall with cal_offset at a positive ratio, on the controller of the page."""
-    rows = re.findall(r"^# (\d); [^;]+; [^;]+; ([-+.\d]+)$", text, re.MULTILINE)
+    rows = re.findall(r"^# (\d);.*; ([-+.\d]+)$", text, re.MULTILINE)
     return {int(joint): math.degrees(-float(change) / _GEARS[int(joint) - 1]) for joint, change in rows}
 
 
