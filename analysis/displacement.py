@@ -145,7 +145,7 @@ def displacements(fit: LikelihoodFit, left: LeftOver) -> tuple[list[ChangePoint]
     direction is not determined."""
     problem = fit.problem
     by_place = by_targets(problem, fit.whitened)
-    order = np.argsort(problem.shot_numbers, kind="stable")
+    order = problem.order
     points: list[ChangePoint] = []
     every = [Hypotheses(np.empty((0, 3)), np.empty((0, 3, 3)))]
     for k, target in enumerate(problem.targets):

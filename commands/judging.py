@@ -232,12 +232,15 @@ def _held_out(values: list[str]) -> list[str] | Run:
 
 
 def _status(analysis: Analysis) -> int:
-    """The exit status: 1 too for a run that does not predict the one that was held out."""
+    """The exit status: 1 too for a run that does not predict the one that was held out, and for a robot that
+    does not meet, or may not meet, what is required of it."""
     from ..analysis.answer.findings import prediction_failed
 
     if not analysis.converged:
         return FAULT
+    conformity = analysis.result.conformity
     failed = prediction_failed(analysis.result.findings) is not None
+    failed |= conformity is not None and conformity.decision != "conforms"
     return max(EXIT_STATUS[analysis.verdict], int(failed))
 
 

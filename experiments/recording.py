@@ -416,7 +416,10 @@ def _answer(
     broken = violations(aim_plan(plan))
     notes += [f"Posture {each.posture}: {violation_words(each)}" for each in broken]
     done = {*(shot.shot for shot in result.shots), *(refused.shot for refused in result.refused)}
-    saved = set(range(len(plan.postures))) - done - set(result.missing)
+    new = {
+        shot.shot for shot in plan.shots if shot.again is None
+    }  # of an adaptive run repeats are no candidates
+    saved = new - done - set(result.missing)
     incomplete = ""
     if result.missing:
         numbers = listed([str(number) for number in result.missing], 99)

@@ -11,12 +11,13 @@ from typing import get_args
 from ..analysis.answer.findings import off_placements, on_the_model
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation
-from ..analysis.diagnostics.values_to_enter import Conformity
+from ..analysis.diagnostics.values_to_enter import Conformity, judged
 from ..analysis.misfit import Criterion, Misfit
 from ..analysis.observability.causes import Held, NullDirection
 from ..analysis.observability.power import DetectionPower
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import Verdict
+from ..model.files.header import StatedRequirement
 from ..model.files.run import in_no_file
 from ..model.instruments.registry import KINDS
 from .provenance import is_simulated
@@ -42,6 +43,8 @@ class RunCase:
     run: str
     header: Mapping[str, object]
     result: Result | None = None
+    vendor: str | None = None
+    judged: Conformity | None = None
     name: Namer = person
 
     @classmethod
@@ -61,6 +64,8 @@ class RunCase:
             run=result.inputs.run,
             header=result.inputs.header,
             result=result,
+            vendor=result.inputs.vendor,
+            judged=result.conformity,
             name=name,
         )
 
@@ -69,8 +74,11 @@ class RunCase:
         cls, solution: Solution, run: str, header: Mapping[str, object], name: Namer = person
     ) -> RunCase:
         """Of a fit alone, to the measurements that a `run` of that name has."""
+        required = header.get("required")
         return cls(
             verdict=solution.verdict,
+            vendor=solution.problem.robot.vendor,
+            judged=None if required is None else judged(solution, StatedRequirement.model_validate(required)),
             stopped=None if solution.converged else solution.fit.reason,
             parameters=solution.parameters,
             null_space=solution.null_space,
@@ -109,13 +117,9 @@ class RunCase:
         return None if self.result is None else self.result.diagnosis
 
     @property
-    def vendor(self) -> str | None:
-        return None if self.result is None else self.result.inputs.vendor
-
-    @property
     def conformity(self) -> Conformity | None:
         """Of a pass: whether the robot meets what it must."""
-        return None if self.result is None or self.verdict != "pass" else self.result.conformity
+        return self.judged if self.verdict == "pass" else None
 
     @property
     def provenance(self) -> Mapping[str, object]:

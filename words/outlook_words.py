@@ -144,6 +144,8 @@ def _required(outlook: Outlook) -> list[str]:
     required = numbers.exact(outlook.required_mm, "mm")
     if not outlook.reachable:
         return [f"The required {required} (95 %) are out of reach of these remedies."]
+    if outlook.now.tcp_95_mm is not None and outlook.now.tcp_95_mm <= outlook.required_mm:
+        return []  # whether the answer as it is meets it is judged of this arm
     rows = sorted((outlook.now, *outlook.remedies), key=lambda row: (row.shots, row.minutes))
     for row in rows:
         if row.tcp_95_mm is not None and row.tcp_95_mm <= outlook.required_mm:

@@ -93,7 +93,7 @@ def changes(problem: Problem, x: Matrix) -> Iterator[Change]:
     if robot.n > 2 and kinds[1:3] == ["revolute"] * 2:
         for times in (1.0, -1.0):
             yield Change("coupling", (2, 3), _added(recorded, 2, times * recorded[:, 1]), times)
-    order = np.argsort(problem.shot_numbers, kind="stable")
+    order = problem.order
     for steps in (1, -1):
         neighbours = recorded.copy()
         neighbours[order] = np.roll(recorded[order], steps, axis=0)

@@ -197,6 +197,11 @@ def entered(
     )
 
 
+def judged(solution: Solution, required: StatedRequirement) -> Conformity | None:
+    """Whether the robot with the values meets what is required; None where nothing can be promised."""
+    return entered(solution, required)[2]
+
+
 def controller_arm(problem: Problem, values: Mapping[str, float]) -> Matrix:
     """(a,) rad or mm: nominal geometry with these offsets, deg (mm) by name."""
     arm = np.zeros(problem.parameters.arm.stop)

@@ -41,7 +41,7 @@ class Linearised(LeftOver):
         rows = np.vstack([self.free, np.eye(len(self.gram))])
         inverse = np.linalg.inv(np.linalg.qr(rows, mode="r"))
         self.covariance: Matrix = inverse @ inverse.T
-        self.order: Index = np.argsort(problem.shot_numbers, kind="stable")
+        self.order: Index = problem.order
         self.size = problem.tool.residual_size
         if settled or rival is not None:
             parameters = problem.parameters

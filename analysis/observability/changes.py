@@ -76,7 +76,7 @@ class RepeatsDiffer(ChangeAt):
 def repeated(problem: Problem) -> Index:
     """The places of the measurements with which a run ends as it began: each in a posture of its first half,
     but for how a servo turns the wrist, at the same target. Empty where it does not."""
-    order, count = np.argsort(problem.shot_numbers, kind="stable"), problem.shots
+    order, count = problem.order, problem.shots
     near = np.array([_SAME[joint.kind] for joint in problem.robot.joints])
     joints, targets = problem.joints[order], problem.target_index[order]
     again = 0

@@ -142,7 +142,7 @@ class MadePlan:
             )
         never = no_plan_sentence(made.hopeless)
         untested = None if self.untested is None else lacking_test_sentence(self.untested)
-        return [*lines, *power_sentences(made.power), *(each for each in (never, untested) if each)]
+        return [*lines, *power_sentences(self.checked.power), *(each for each in (never, untested) if each)]
 
     @property
     @key("the name of the file, null if none was written", name="plan")
@@ -172,7 +172,7 @@ class MadePlan:
     @property
     @key("as of a check: the probability with which a run of the plan detects each wrong model")
     def power(self) -> tuple[DetectionPower, ...]:
-        return () if self.proposal is None else self.proposal.power
+        return () if self.checked is None else self.checked.power
 
     @property
     @key("`shots` and `worst_std` of the numbers of measurements that were tried, up to that of the answer")

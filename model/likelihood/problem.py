@@ -348,6 +348,11 @@ class Problem:
     def shots(self) -> int:
         return len(self.joints)
 
+    @property
+    def order(self) -> Index:
+        """(N,) the measurements as time goes: by their numbers."""
+        return np.argsort(self.shot_numbers, kind="stable")
+
     @cached_property
     def active(self) -> Matrix:
         """(N, d) 1 for each component of a residual that was read, else 0."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
+from ..maker import one_line
 from ..plan_programs import LOG_PLAN, PlanStep, decimal, head_lines, made_for, percents, short_hash, steps_of
 
 AXES = 6
@@ -89,6 +90,7 @@ def _recorded(number: int) -> Iterator[str]:
 
 def _visit(step: PlanStep, motion: ProgramMotion) -> Iterator[str]:
     yield f"CASE {step.number}"
+    yield f"  ; posture {step.number}, {one_line(step.target)}"
     *between, there = (name.upper() for name in step.named)
     for name in between:
         yield f"  PTP {name}" + (" C_PTP" if motion.zone else "")
