@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -63,7 +64,8 @@ class Problem:
     `joints` (N, n) rad or mm; `spots` (N, d) mm, what each residual is less; `readings` (N, w) as read; and
     `guessed` (K,) True where the header says where the target is; `weights` (N,) how often each shot counts
     (2: as if it were recorded twice; 1 / kappa: one of kappa that say the same). Of `planned` ones nothing
-    was read yet. `workspace` is the region that the header states for the error of the TCP.
+    was read yet. `in_turn`: their times say that they were recorded as they stand here, whatever their
+    numbers. `workspace` is the region that the header states for the error of the TCP.
     """
 
     robot: Robot
@@ -81,6 +83,7 @@ class Problem:
     ties: tuple[Tie, ...]
     weights: Matrix
     planned: bool = False
+    in_turn: bool = False
     workspace: StatedWorkspace = CENTRAL_RANGES
 
     def __repr__(self) -> str:
@@ -181,7 +184,9 @@ class Problem:
     def from_run(cls, run: Run) -> Problem:
         with located(run.path, run.header_line):
             problem = cls._recorded(run)
-            return problem._with_enough(run.header)
+            times = [shot.time_s for shot in run.shots]
+            in_turn = all(a is not None and b is not None and a < b for a, b in pairwise(times))
+            return replace(problem, in_turn=in_turn)._with_enough(run.header)
 
     @classmethod
     def _recorded(cls, run: Run) -> Problem:
@@ -350,8 +355,8 @@ class Problem:
 
     @property
     def order(self) -> Index:
-        """(N,) the measurements as time goes: by their numbers."""
-        return np.argsort(self.shot_numbers, kind="stable")
+        """(N,) the measurements as time goes: where it is not known by their numbers."""
+        return np.arange(self.shots) if self.in_turn else np.argsort(self.shot_numbers, kind="stable")
 
     @cached_property
     def active(self) -> Matrix:

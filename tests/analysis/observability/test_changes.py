@@ -21,6 +21,7 @@ from zerobeam.experiments.simulate import Truth, simulated_readings, simulated_s
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
+from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit_words import criterion_sentence
 
@@ -50,6 +51,28 @@ def test_a_jump_is_found_with_its_joint_its_place_and_its_size(plan: Plan) -> No
     assert (found.how, found.joint, found.after_shot, found.before_shot) == ("jump", 3, 4, 5)
     assert found.amount == pytest.approx(0.6, abs=4 * found.std)
     assert "the zero of J3 jumped by 0.59" in criterion_sentence(found)
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_measurements_follow_each_other_as_they_were_recorded(plan: Plan, timed: bool) -> None:
+    """An adaptive run measures its postures in an order of its own: the zero jumps after the fifth, whatever
+    the numbers. Without times the numbers are all that there is."""
+    late = (np.arange(12) >= 5) * 1.0
+    problem = solved(plan, course(plan, 3, 0.6, late)).problem
+    numbers = [3, 8, 0, 11, 5, 1, 9, 2, 7, 10, 4, 6]
+    shots = [
+        Shot(
+            shot=number,
+            target="psd",
+            joints_deg=tuple(np.degrees(row).tolist()),
+            spot_mm=tuple(spot.tolist()),
+            time_s=60.0 * i if timed else None,
+        )
+        for i, (number, row, spot) in enumerate(zip(numbers, problem.joints, problem.spots, strict=True))
+    ]
+    found = run_change(*_at(solve_run(Problem.from_run(run_of(plan.header, shots)), plan.header)))
+    right = found is not None and (found.joint, found.after_shot, found.before_shot) == (3, 5, 1)
+    assert right == timed
 
 
 def test_a_steady_drift_is_found(plan: Plan) -> None:
