@@ -520,7 +520,8 @@ def outlook_lines(check: Check) -> list[str]:
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
     """Which wrong models a run detects, and what of the others a pass can hide."""
-    noticed = [wrong_words(each) for each in powers if each.noticed]
+    sure = (each for each in powers if each.hidden_size is None or each.hidden_size < each.size)
+    noticed = [wrong_words(each) for each in sure if each.noticed]
     if not noticed:
         return remaining(powers)
     level = f"{100 * NOTICED:.0f} % or more"
@@ -555,7 +556,7 @@ _REVEALS: tuple[tuple[frozenset[WrongModel], str], ...] = (
     (frozenset({"backlash"}), "come to every posture from the same side"),
     (frozenset({"noise"}), "state the noise as it is, or have it estimated (noise: {scale: estimated})"),
     (frozenset({"arm"}), "measure more postures, or state how far the arm may deviate (geometry)"),
-    (frozenset({"tool", "beam"}), "measure how the tool is mounted, and state it (tool.sigma)"),
+    (frozenset({"tool", "beam"}), "measure how the instrument is mounted, and state it"),
 )
 
 
@@ -587,7 +588,7 @@ def _may_be(power: DetectionPower, size: str) -> str:
     """What may be wrong, by up to a size, as a clause."""
     match power.wrong:
         case "tool":
-            return f"the tool may be {size} off"
+            return f"the instrument may be mounted {size} off"
         case "beam":
             return f"the beam may be {size} off its direction"
         case "arm":
