@@ -134,8 +134,8 @@ def test_the_sentences() -> None:
         "A run of this plan detects a jump of the zero of J2 by 0.2° with a probability of 80 % or more."
     )
     assert hidden == (
-        "If the instrument may be mounted 5\N{NO-BREAK SPACE}mm off, measure how the instrument is mounted, and"
-        " state it: a pass can hide that, and puts an offset off by up to 0.18°, the TCP by"
+        "If the instrument may be mounted 5\N{NO-BREAK SPACE}mm off, measure how the instrument is mounted,"
+        " and state it: a pass can hide that, and puts an offset off by up to 0.18°, the TCP by"
         " 2.5\N{NO-BREAK SPACE}mm."
     )
     assert power_sentences(told[:1]) == [noticed]
