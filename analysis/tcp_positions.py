@@ -103,11 +103,12 @@ def normal_inverse(columns: Matrix) -> Matrix:
     return np.asarray(np.linalg.pinv(columns.T @ columns, rcond=_SAME, hermitian=True), dtype=float)
 
 
-def default_point(problem: Problem, open_last: bool) -> tuple[Matrix, TcpSource]:
-    """The tool's stated point, or the nearest of the last axis if its offset is not determined."""
+def default_point(problem: Problem, status: Sequence[Status]) -> tuple[Matrix, TcpSource]:
+    """The tool's stated point, or the nearest of the last axis if its offset is not determined, by the
+    `status` (p,) of the parameters."""
     point = problem.tool.point
     last = problem.robot.joints[-1]
-    if not open_last or last.kind != "revolute":
+    if not undetermined_offsets(problem, status)[-1] or last.kind != "revolute":
         return point, "tool"
     to_flange = problem.robot.flange[:3, :3].T
     axis, origin = to_flange @ last.axis, -to_flange @ problem.robot.flange[:3, 3]

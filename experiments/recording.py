@@ -18,6 +18,7 @@ from ..model.files.run import read_run
 from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
+from ..model.options import USUAL_REPEATS
 from ..words.message import acceptance_plan_message, headline_so_far, message_so_far
 from ..words.plan_words import violation_words
 from ..words.provenance import SIMULATED, VERIFIES, true_values
@@ -97,7 +98,6 @@ def corrected_arm(path: Path, plan: Plan, cell: CellFile | None, *, as_found: bo
     return CorrectedArm(path.name, run.sha256, values, not as_found)
 
 
-_REPEAT = 2  # measurements of an adaptive run that are made again at its end
 _LED = ("manual", "live")  # rigs that a person, or another program, moves
 
 
@@ -301,7 +301,7 @@ def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
     enough = request.enough(plan)
     adaptive = None if enough is None else Adaptive(plan, enough, request.gain)
     order: Order = adaptive or InTurn(len(plan.postures))
-    repeat = 0 if adaptive is None else _REPEAT if request.repeat is None else request.repeat
+    repeat = 0 if adaptive is None else USUAL_REPEATS if request.repeat is None else request.repeat
     if repeat or request.closing:
         order = WithRepeats(order, len(plan.postures), repeat, each_target=request.closing)
     return order, adaptive

@@ -20,7 +20,7 @@ from ..model.files.header import Header
 from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
 from ..model.files.robot_file import built_in_robots
-from ..model.options import checked_options, require_number
+from ..model.options import USUAL_REPEATS, checked_options, require_number
 from ..reports.plan.check_page import predicted_table
 from ..reports.plan.plan_page import plan_turnable, postures_of
 from ..reports.style.blocks import Page, Verdict, section_of
@@ -240,7 +240,7 @@ def optimal_plan(
     target: Sequence[float] | None = None,
     *,
     shots: int | None = None,
-    repeat: int = 2,
+    repeat: int = USUAL_REPEATS,
     measure: Mapping[str, int] | None = None,
     candidates: int = 10_000,
     criterion: Literal["A", "D", "E"] = "A",

@@ -257,6 +257,7 @@ def names_typed(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
+USUAL_REPEATS = 2  # measurements that a plan, or an adaptive run, makes again at its end
 Seed = Annotated[int, Option("Random seed: the same seed gives the same answer.", least=0)]
 J3Origin = Annotated[
     Literal["ground", "link"] | None, Option("What joint 3 is counted from, if not as the robot file states.")

@@ -35,7 +35,7 @@ def shown_remedies(outlook: Outlook, units: Mapping[str, str]) -> list[RemedyWor
 
 
 def best_remedies(outlook: Outlook) -> list[OutlookRow]:
-    """Those that are shown first: the best, and what makes another offset known."""
+    """Those that are shown first."""
     return list(outlook.worth[:MOST_SHOWN])
 
 

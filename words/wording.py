@@ -136,3 +136,9 @@ def _apart(names: Collection[str], instruments: Collection[str]) -> tuple[int, i
     every = set(names)
     stations = len(every & set(instruments))
     return len(every) - stations, stations
+
+
+def again_words(posture: int | None) -> str:
+    """What follows the name of what is measured where it is measured in that posture once more; empty where
+    it is new."""
+    return "" if posture is None else f", posture {posture} again"

@@ -175,7 +175,7 @@ def accuracy(
     open_offsets = undetermined_offsets(problem, solution.status)
     location: TcpSource = "stated point"
     if point is None:
-        point, location = default_point(problem, bool(open_offsets[-1]))
+        point, location = default_point(problem, solution.status)
     recorded_limits = (problem.joints.min(axis=0), problem.joints.max(axis=0))
     region = region_postures(problem, _POSTURES)
     near_these = within_limits(problem.robot, spread_postures(*recorded_limits, _POSTURES // 4))

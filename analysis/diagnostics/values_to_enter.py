@@ -344,8 +344,7 @@ class TcpSpread:
 
 def tcp_of(solution: Solution) -> Matrix:
     """(3,) mm in the flange frame: the tool's stated point, or as `default_point` says."""
-    last = solution.problem.parameters.block("offset").stop - 1
-    return default_point(solution.problem, solution.status[last] in ("unidentifiable", "held", "assumed"))[0]
+    return default_point(solution.problem, solution.status)[0]
 
 
 def _whole_values(solution: Solution) -> tuple[dict[str, float], dict[str, float]] | None:

@@ -21,6 +21,7 @@ from ...model.files.plan_file import USUAL, StatedConstraints
 from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
+from ...model.options import USUAL_REPEATS
 from ...model.records import it, key, record
 from ..estimation.threads import one_blas_thread
 from ..status import Status, known
@@ -39,7 +40,6 @@ _NOTHING = 1e-6  # of a prior's information
 _CLOSER = 5.0  # times: what is measured of a mounting next to what is assumed
 WORTH = 0.1  # a relative gain from which a remedy is worth a row
 MOUNTING_MIN = 15.0  # minutes to measure the mounting of an instrument
-REPEATED = 2  # postures that are measured again
 
 Remedy = Literal["none", "postures", "more", "repeat", "mounting", "links"]
 
@@ -397,7 +397,7 @@ def _different(problem: Problem) -> int:
 
 def _with_repeats(roots: Matrix) -> Matrix:
     """Measurements with these roots (N, d, f), the first of them again at the end, as plans have it."""
-    return np.concatenate([roots, roots[:REPEATED]])
+    return np.concatenate([roots, roots[:USUAL_REPEATS]])
 
 
 def _inverse(roots: Matrix, prior: Matrix) -> Matrix:

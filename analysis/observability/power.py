@@ -459,7 +459,7 @@ def _by_tcp(biases: Biases, status: Sequence[Status]) -> Matrix | None:
     """(P, 3, o) of the TCP over the region by the offsets that count; None where it is not determined."""
     problem = biases.problem
     block = problem.parameters.block("offset")
-    point, _ = default_point(problem, status[block.stop - 1] in ("unidentifiable", "held", "assumed"))
+    point, _ = default_point(problem, status)
     joints = region_postures(problem, _TCP_POSTURES)
     if (moving_by_nominal(problem, point, joints) & undetermined_offsets(problem, status)).any():
         return None

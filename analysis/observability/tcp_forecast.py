@@ -83,10 +83,7 @@ class TcpForecast:
 
     def __init__(self, problem: Problem, x: Matrix, status: Sequence[Status]) -> None:
         self._problem, self._x = problem, x
-        parameters = problem.parameters
-        offsets = parameters.block("offset")
-        open_last = status[offsets.stop - 1] in ("unidentifiable", "held", "assumed")
-        self._point = default_point(problem, open_last)[0]
+        self._point = default_point(problem, status)[0]
         self._joints = region_postures(problem, _POSTURES)
         self._moving = moving_by_nominal(problem, self._point, self._joints)
         self._moving[0] = False  # a choice of frame

@@ -16,6 +16,7 @@ from ...model.files.robot_file import Vendor
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import Robot
+from ...words.wording import again_words
 from ..plans.constraints import require_constraints
 from .format_options import ProgramMotion
 from .maker import PlanProgram, one_line, plan_programs, require_vendor
@@ -62,8 +63,7 @@ def steps_of(plan: Plan, motion: ProgramMotion) -> list[PlanStep]:
 
 def called(plan: Plan, posture: int) -> str:
     """The target of a posture of the plan, and that it repeats another: what people read in a program."""
-    again = plan.repeated_by(posture)
-    return plan.called[posture] + ("" if again is None else f", posture {again} again")
+    return plan.called[posture] + again_words(plan.repeated_by(posture))
 
 
 def rounded(joints: Matrix) -> tuple[tuple[float, ...], ...]:

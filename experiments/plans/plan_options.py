@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 from ...model.errors import BadInput
-from ...model.options import Option, Seed, numbers_typed
+from ...model.options import USUAL_REPEATS, Option, Seed, numbers_typed
 
 Pattern = Literal["x", "y", "optimal"]
 
@@ -96,7 +96,7 @@ class PlanOptions:
             least=0,
             most=10_000,
         ),
-    ] = 2
+    ] = USUAL_REPEATS
     measure: Annotated[
         Mapping[str, Portion],
         Option(

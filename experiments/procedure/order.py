@@ -10,7 +10,7 @@ import numpy as np
 
 from ...analysis.design.continuous_design import Candidates
 from ...analysis.design.exact_design import design
-from ...analysis.diagnostics.values_to_enter import entered
+from ...analysis.diagnostics.values_to_enter import judged
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.solution import Solution
 from ...analysis.status import known
@@ -130,7 +130,7 @@ class Adaptive:
             return None
         required = self.plan.header.required
         if required is not None and state.dof > 0:
-            *_, conformity = entered(state, required)
+            conformity = judged(state, required)
             if conformity is not None and conformity.decision == "conforms":
                 self.reason = f"the TCP is within {required.tcp_mm:g} mm as required"
                 return None

@@ -53,6 +53,11 @@ class Means(NamedTuple):
     posture: int | None = None
     again: int | None = None
 
+    @property
+    def usual(self) -> bool:
+        """Whether the header leaves no choice: nothing is stated but perhaps what is repeated."""
+        return self == Means(again=self.again)
+
     @classmethod
     def of(cls, row: StatedPosture | Shot) -> Self:
         return cls(row.instrument, row.reflector, row.posture, row.again)

@@ -32,7 +32,7 @@ from ...experiments.procedure.events import (
     Withdrawn,
 )
 from ...words import numbers
-from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
+from ...words.wording import again_words, clipped, counted, ended, label, listed, sentence, shown
 from .terminal import STYLE
 
 _REDRAWN = 8  # times a second
@@ -280,14 +280,13 @@ def _beginning(event: RunOpened) -> str:
 
 def _request(event: PostureRequested, joints: str) -> str:
     """`joints` says what a person does for them."""
-    again = "" if event.again is None else f", posture {event.again} again"
     of = f"{event.done + 1}" + (f" of {event.postures}" if event.shot < event.postures else "")
     which = _which(event.instrument, event.reflector)
     also = f"; then measurement {listed([str(number) for number in event.also])}" if event.also else ""
     what = shown(event.target) if event.reads else f"target {shown(event.target)}"
     reads = f"; then {_reads(event.reads)}" if event.reads else ""
     return (
-        f"Posture {of} (measurement {event.shot}{again}), {what}{which}: go there,"
+        f"Posture {of} (measurement {event.shot}{again_words(event.again)}), {what}{which}: go there,"
         f" {event.act}, and {joints}{reads}{also}."
     )
 

@@ -16,7 +16,7 @@ from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3
 from ...model.likelihood.problem import by_posture
 from ...words import numbers
-from ...words.wording import capital, clipped, counted, listed, sentence, shown
+from ...words.wording import again_words, capital, clipped, counted, listed, sentence, shown
 from ..output.pdf import pdf
 from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 from ..scenes.turnable import still_picture, turnable
@@ -140,8 +140,7 @@ def _measured(plan: Plan, number: int, of_target: str = "") -> str:
     called = clipped(plan.called[number], 24)
     label = clipped(plan.measurements[number].instrument, 24)
     what = f"{of_target}{called}" if plan.targets[number] else called
-    if (again := plan.repeated_by(number)) is not None:
-        what += f", posture {again} again"
+    what += again_words(plan.repeated_by(number))
     return f"{label}, {what}" if len(plan.header.labels) > 1 and called != label else what
 
 

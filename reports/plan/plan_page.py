@@ -17,7 +17,7 @@ from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...model.arrays import Matrix
-from ...model.files.plan import Means, Plan
+from ...model.files.plan import Plan
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
@@ -25,7 +25,7 @@ from ...words.observability import outlook_lines, rank_facts
 from ...words.outlook_words import TITLE
 from ...words.plan_catalogue import planned_anew
 from ...words.plan_words import check_notes
-from ...words.wording import clipped, counted, label, listed, sentence, shown
+from ...words.wording import again_words, clipped, counted, label, listed, sentence, shown
 from ..output.html import Turnable, html
 from ..run.outlook_section import outlook_blocks
 from ..run.parameter_section import legend, reasons
@@ -258,8 +258,7 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
             joints.append(length if postures.reaches[i] else "behind it" if posture.hit else "misses")
         off = near if posture.off_mm < _NEAR_MM else numbers.significant(posture.off_mm, 2, "mm")
         tone = "" if postures.reaches[i] else "weak"
-        again = plan.repeated_by(posture.posture)
-        target = clipped(posture.target, 24) + ("" if again is None else f", posture {again} again")
+        target = clipped(posture.target, 24) + again_words(plan.repeated_by(posture.posture))
         rows.append(row_of(str(posture.posture), target, *joints, off, tone=tone))
     caption = "Postures, turned onto their targets" if postures.met else "Postures"
     return table_of(caption, heads, rows, "rlr")
@@ -267,7 +266,7 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
 
 def _joints_to_copy(plan: Plan, postures: Postures) -> list[str]:
     """The aimed postures as in a plan file: degrees, or mm for a prismatic joint."""
-    if not postures.met or any(means != Means(again=means.again) for means in plan.means):
+    if not postures.met or not all(means.usual for means in plan.means):
         return []
     several = len(plan.target_names) > 1
     lines = ["postures_deg:"]

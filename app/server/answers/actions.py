@@ -11,7 +11,6 @@ from ....analysis.answer.answer_message import Action
 from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
-from ....model.files.plan import Means
 from ....model.records import it, record
 from ....words.plan_catalogue import tried_change
 from ..folder import Folder
@@ -66,7 +65,7 @@ def action_of_plan(check: Check, action: Action) -> OfferedAction:
     rows = (plan.postures * plan.robot.display).round(_DECIMALS).tolist()
     targets = [str(name) for name in plan.called]
     again = [shot.again for shot in plan.shots]
-    simple = all(each == Means(again=each.again) for each in plan.means)
+    simple = all(each.usual for each in plan.means)
     simple = simple and not any(len(between) for between in plan.via)
     does: DoesJob | DoesPostures | DoesStep | None = None
     label: str | None = None

@@ -89,7 +89,7 @@ def achieved(remedy: str, count: int, candidates: int) -> Achieved:
 def _off(arms: Arms, k: int, problem: Problem, model: np.ndarray) -> np.ndarray:
     """(P,) mm by which arm `k` has its TCP off where a controller with that model (a,) takes it to be."""
     region = region_postures(problem, 256)
-    point = default_point(problem, True)[0]
+    point = default_point(problem, ["held"] * len(problem.parameters))[0]
     alone = replace(arms, **{part: getattr(arms, part)[k : k + 1] for part in PARTS})
     true = alone.tcp(np.broadcast_to(region, (1, *region.shape)), point)[0]
     model = model.copy()
