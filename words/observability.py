@@ -580,33 +580,23 @@ def _hidden_words(power: DetectionPower, remedy: str) -> str:
     offset = numbers.significant(power.hidden_offset, 2, "deg")
     at_tcp = power.hidden_tcp_mm
     mm = "" if at_tcp is None else f", the TCP by {numbers.significant(at_tcp, 2, 'mm')}"
-    may_be = _may_be(power, size)
+    may_be = _WRONG[power.wrong][1].format(size=size, joint=power.hidden_joint)
     return f"If {may_be}, {remedy}: a pass can hide that, and puts an offset off by up to {offset}{mm}."
 
 
-def _may_be(power: DetectionPower, size: str) -> str:
-    """What may be wrong, by up to a size, as a clause."""
-    match power.wrong:
-        case "tool":
-            return f"the instrument may be mounted {size} off"
-        case "beam":
-            return f"the beam may be {size} off its direction"
-        case "arm":
-            return f"the arm may be {size} its tolerances off"
-        case "jump":
-            return f"the zero of J{power.hidden_joint} may have jumped by {size}"
-        case "drift":
-            return f"the zero of J{power.hidden_joint} may have drifted by {size}"
-        case "moved":
-            return f"the target may have moved by {size}"
-        case "reading":
-            return f"one reading may be {size} off"
-        case "typing":
-            return f"one joint value may be {size} off"
-        case "backlash":
-            return f"joints may have backlash of {size}"
-        case "noise":
-            return f"the noise may be {size} the stated"
+# Wrong models as nouns, and as what may be; a size without a unit is so many "times".
+_WRONG: dict[WrongModel, tuple[str, str]] = {
+    "tool": ("a tool {size} off", "the instrument may be mounted {size} off"),
+    "beam": ("a beam {size} off its direction", "the beam may be {size} off its direction"),
+    "arm": ("an arm {size} its tolerances off", "the arm may be {size} its tolerances off"),
+    "jump": ("a jump of the zero of J{joint} by {size}", "the zero of J{joint} may have jumped by {size}"),
+    "drift": ("a drift of the zero of J{joint} by {size}", "the zero of J{joint} may have drifted by {size}"),
+    "moved": ("a target moved by {size}", "the target may have moved by {size}"),
+    "reading": ("one reading {size} off", "one reading may be {size} off"),
+    "typing": ("one joint value {size} off", "one joint value may be {size} off"),
+    "backlash": ("backlash of {size}", "joints may have backlash of {size}"),
+    "noise": ("a noise {size} the stated noise", "the noise may be {size} the stated"),
+}
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:
@@ -630,24 +620,4 @@ def _missed_words(power: DetectionPower) -> str:
 def wrong_words(power: DetectionPower) -> str:
     """The wrong model as a noun."""
     size = numbers.exact(power.size, numbers.unit_of(power.unit))
-    match power.wrong:
-        case "tool":
-            return f"a tool {size} off"
-        case "beam":
-            return f"a beam {size} off its direction"
-        case "arm":
-            return f"an arm {numbers.exact(power.size)} times its tolerances off"
-        case "drift":
-            return f"a drift of the zero of J{power.joint} by {size}"
-        case "reading":
-            return f"one reading {size} off"
-        case "typing":
-            return f"one joint value {size} off"
-        case "moved":
-            return f"a target moved by {size}"
-        case "jump":
-            return f"a jump of the zero of J{power.joint} by {size}"
-        case "backlash":
-            return f"backlash of {size}"
-        case "noise":
-            return f"a noise {numbers.exact(power.size)} times the stated noise"
+    return _WRONG[power.wrong][0].format(size=size, joint=power.joint)

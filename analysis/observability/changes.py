@@ -30,7 +30,9 @@ FEWEST = 2  # measurements before and after a change
 # p-value of the clearest change by what was measured again: one run in a hundred is doubted for nothing, and
 # the remedy is to measure those postures once more.
 DOUBTFUL = 0.01
-_SAME = {"revolute": np.radians(3.0), "prismatic": 10.0}  # rad, mm: of one posture, as a servo turns it
+# rad, mm: of one posture. A servo turns the wrist by what has changed: where a zero jumped by 1 degree, the
+# repeats of 60 % of arms are this near, of none within 0.3. No pattern's last posture is, to its first.
+_SAME = {"revolute": np.radians(3.0), "prismatic": 10.0}
 _MOST = 1000  # measurements, of which those that end where they began are looked for
 
 How = Literal["jump", "drift"]

@@ -27,6 +27,7 @@ from ..estimation.threads import one_blas_thread
 from ..status import Status, known
 from ..tcp_region import TcpRegion, region_of
 from .better_postures import PostureSearch
+from .changes import repeated
 from .predictions import roots_with_ties
 from .remedies import Allowed
 from .tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
@@ -34,7 +35,6 @@ from .tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
 COVERAGE = 2.0  # k of every U here
 NUMBERS = (12, 20)  # of measurements that are proposed
 _MOST = 40  # measurements: with more, other postures change little
-_SAME = 5e-3  # rad, or shares of a metre: what is nearer is the same posture, but for noise and the servo
 _DETERMINED = 0.5  # of its prior: an offset of which the measurements alone leave more is not determined
 _NOTHING = 1e-6  # of a prior's information
 _CLOSER = 5.0  # times: what is measured of a mounting next to what is assumed
@@ -197,7 +197,7 @@ class _Remedies:
         known_now = np.array([known(status) for status in prospect.status], dtype=np.bool_)
         self.known_now: Mask = known_now[self.problem.parameters.free]
         by_hand = float(np.mean([kind.minutes for kind in prospect.header.kinds.values()]))
-        self.count = _different(self.problem)
+        self.count = self.problem.shots - len(repeated(self.problem))
         self.each = by_hand if prospect.minutes_each is None else prospect.minutes_each
         self.forecast = TcpForecast(self.problem, prospect.x, prospect.status)
         if prospect.estimated:
@@ -383,16 +383,6 @@ class _Remedies:
     @staticmethod
     def _gain(after: float, before: float) -> float:
         return 1 - after / before if before > 0 else 0.0
-
-
-def _different(problem: Problem) -> int:
-    """How many measurements are in no posture of an earlier one of the same target."""
-    scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
-    joints, targets = problem.joints / scale, problem.target_index
-    return sum(
-        not ((np.abs(joints[:i] - joints[i]).max(axis=1) < _SAME) & (targets[:i] == targets[i])).any()
-        for i in range(min(problem.shots, _MOST))
-    ) + max(problem.shots - _MOST, 0)
 
 
 def _with_repeats(roots: Matrix) -> Matrix:

@@ -308,7 +308,12 @@ class Planner:
         way = min(ways, key=lambda one: travel_time(self._robot, self._postures[one]))
         count = min(self._repeat, len(way))
         if count:
-            way = min(self._with_repeats(way, count), key=self._change_risk)
+            # What is measured again has the same offsets in a pass.
+            identified = identify(self._problem.select(way), self._x)
+            way = min(
+                self._with_repeats(way, count),
+                key=lambda one: change_risk(self._problem.select(one), self._x, identified),
+            )
         again = (None,) * len(rows) + tuple(range(count))
         return way, again, travel_time(self._robot, self._postures[way])
 
@@ -320,10 +325,6 @@ class Planner:
             chosen = np.zeros(len(way), dtype=bool)
             chosen[rng.choice(len(way), count, replace=False)] = True
             yield np.concatenate([way[chosen], way[~chosen], way[chosen]])
-
-    def _change_risk(self, way: Index) -> float:
-        problem = self._problem.select(way)
-        return change_risk(problem, self._x, identify(problem, self._x))
 
 
 def travel_order(robot: Robot, postures: Matrix) -> tuple[list[int], float]:
