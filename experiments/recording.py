@@ -302,8 +302,10 @@ def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
     adaptive = None if enough is None else Adaptive(plan, enough, request.gain)
     order: Order = adaptive or InTurn(len(plan.postures))
     repeat = 0 if adaptive is None else USUAL_REPEATS if request.repeat is None else request.repeat
-    if repeat or request.closing:
-        order = WithRepeats(order, len(plan.postures), repeat, each_target=request.closing)
+    if request.closing:  # the first of each target
+        repeat = max(repeat, len({shot.target for shot in plan.shots}))
+    if repeat:
+        order = WithRepeats(order, len(plan.postures), repeat)
     return order, adaptive
 
 

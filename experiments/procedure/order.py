@@ -55,11 +55,10 @@ class InTurn:
 class WithRepeats:
     """The postures of `order`, and in the end some of the recorded ones again, the first of each target in
     turn: what changed during the run shows in the difference. The number of such a measurement is that of
-    the posture plus `count`, the plan's: `repeat` of them, or the first of `each_target` at least."""
+    the posture plus `count`, the plan's: `repeat` of them."""
 
-    def __init__(self, order: Order, count: int, repeat: int = 0, *, each_target: bool = False) -> None:
-        self._order, self._count = order, count
-        self._repeat, self._each_target = repeat, each_target
+    def __init__(self, order: Order, count: int, repeat: int) -> None:
+        self._order, self._count, self._repeat = order, count, repeat
 
     def following(
         self, recorded: Sequence[Shot], refused: Collection[int], state: Solution | None
@@ -69,9 +68,8 @@ class WithRepeats:
             return number
         done = {shot.shot for shot in recorded}.union(refused)
         first = [shot for shot in recorded if shot.shot < self._count and shot.again is None]
-        targets = [shot.met_target for shot in first]
-        repeat = max(self._repeat, len(set(targets)) if self._each_target else 0)
-        numbers = [first[row].shot + self._count for row in first_in_turn(targets, repeat)]
+        again = first_in_turn([shot.met_target for shot in first], self._repeat)
+        numbers = [first[row].shot + self._count for row in again]
         return next((number for number in numbers if number not in done), None)
 
 

@@ -49,7 +49,7 @@ function Table({ rows, k, again, label }) {
 
 /** @param {{found: Found}} props */
 export function Offsets({ found }) {
-  const others = found.parameters.filter((row) => row.group !== "offset");
+  const others = found.parameters.filter((row) => row.group === "tool" || row.group === "noise");
   return html`
     <h2>Offsets</h2>
     <${Table} rows=${found.parameters.filter((row) => row.group === "offset")} k=${found.coverage_factor} again=${refitted.value} label="Offsets" />

@@ -57,18 +57,18 @@ function Headline({ found }) {
 }
 
 /** @param {{found: Found}} props */
-function About({ found: { inputs } }) {
+function About({ found: { inputs, origin } }) {
   const parts = [`${inputs.run}: ${inputs.shots} measurements of ${inputs.targets.length === 1 ? inputs.targets[0] : `${inputs.targets.length} targets`}, ${inputs.robot}`,
-    inputs.serial && `serial number ${inputs.serial}`, inputs.when, inputs.who && `by ${inputs.who}`, inputs.instrument, inputs.version && `made by zerobeam ${inputs.version}`];
+    origin.serial && `serial number ${origin.serial}`, origin.when, origin.who && `by ${origin.who}`, origin.instrument, inputs.versions.zerobeam && `made by zerobeam ${inputs.versions.zerobeam}`];
   return html`<p class="muted about-result">${parts.filter(Boolean).join("; ")}.</p>`;
 }
 
-const isSimulated = (/** @type {Found} */ found) => found.inputs.origin === "simulated" || Boolean(found.message?.verdict.startsWith("Simulated"));
+const isSimulated = (/** @type {Found} */ found) => found.origin.origin === "simulated" || Boolean(found.message?.verdict.startsWith("Simulated"));
 
 /** @param {{found: Found}} props */
 function Inspector({ found }) {
   const stated = history.value?.runs.find((run) => run.file === found.run)?.serial, serial = stated && !/^none\b/i.test(stated) ? stated : null;
-  const why = [...found.misfit, ...found.diagnosis];
+  const why = [...found.misfit?.criteria ?? [], ...found.diagnosis].map((one) => one.sentence);
   return html`
     <${Others} />
     ${bareRun.value && html`<${Bare} key=${bareRun.value} run=${bareRun.value} analysed=${true} />`}

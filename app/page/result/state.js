@@ -47,13 +47,7 @@ function clear() {
 
 /** What `analyse` printed, as the page shows a result. @param {any} answer @param {string} run @returns {Found} */
 function analysisOf(answer, run) {
-  const { header, versions, provenance, ...inputs } = answer.inputs;
-  return {
-    ...answer, file: "", run, report: null, posterior_file: null, files: [], posterior: { converged: false, message: "The posterior is drawn with the report." },
-    misfit: (answer.misfit?.criteria ?? []).map((/** @type {any} */ one) => one.sentence), diagnosis: answer.diagnosis.map((/** @type {any} */ one) => one.sentence),
-    parameters: answer.parameters.filter((/** @type {any} */ row) => ["offset", "tool", "noise"].includes(row.group)),
-    inputs: { ...inputs, version: versions?.zerobeam, origin: header?.provenance?.origin },
-  };
+  return { ...answer, file: "", run, report: null, posterior_file: null, files: [], origin: answer.inputs.header.provenance ?? {}, posterior: { converged: false, message: "The posterior is drawn with the report." } };
 }
 
 /** An analysis is there without being made again, as long as the page is open. @param {any} answer @param {string} run */

@@ -14,8 +14,9 @@
  * A result, or an analysis of which no report was written (`file` is "").
  * @typedef {{file: string, run: string | null, report: string | null, posterior_file: string | null, files: {path: string, bytes: number}[], verdict: string, message: MessageFacts | null,
  *   action?: ActionFacts | null, coverage_factor: number, headline: string, posterior: {converged: boolean | null, message: string | null}, notes: string[], next_steps: NextSteps | null,
- *   misfit: string[], diagnosis: string[], parameters: ParameterRow[], shots: ShotRow[],
- *   inputs: {run: string, sha256: string, robot: string, shots: number, targets: string[], version?: string | null, serial?: string, when?: string, who?: string, instrument?: string, origin?: string},
+ *   misfit: {criteria: {sentence: string}[]} | null, diagnosis: {sentence: string}[], parameters: ParameterRow[], shots: ShotRow[],
+ *   inputs: {run: string, sha256: string, robot: string, shots: number, targets: string[], versions: Record<string, string>},
+ *   origin: {serial?: string, when?: string, who?: string, instrument?: string, origin?: string},
  *   arm?: any, tcp?: {before: number, after: number} | null, tcp_map?: {at: Vec, before: Vec | null, after: Vec | null}[] | null, tcp_why?: string | null,
  *   residuals?: {shot: number, at: Vec, size_mm: number, whitened: number}[] | null, skeletons?: Vec[][] | null, marks?: any[] | null}} Found
  */

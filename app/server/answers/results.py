@@ -5,32 +5,28 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from typing import Annotated
 
 from ....analysis.answer.result import RESULT_SCHEMA, Result, parse_result
 from ....model.errors import BadInput
 from ....model.parsing.reading import parse_json, read_text
-from ....model.records import to_json
+from ....model.records import inline, record
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import Content, end_point
-from .actions import action_of_result
-from .displacements import in_workspace
+from ..requests import end_point
+from .actions import OfferedAction, action_of_result
+from .displacements import InWorkspace, in_workspace
 
 LARGEST_RESULT = 16 * 10**6  # bytes
 MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals
 MOST_HASHED = 16 * 10**6  # bytes of a run file that is looked for by its SHA-256
 _MOST_KEPT = 2000
 _MOST_FIGURES = 200
-_SHOWN = {
-    *("name", "unit", "group", "status", "held", "estimate", "std", "interval95", "prior_std", "reason")
-}
-_SENTENCES = ("verdict", "message", "coverage_factor", "headline", "notes", "next_steps")
-_SHOWN_OF_A_SHOT = ("shot", "target", "whitened", "leave_one_out", "cooks")
-
 _RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
 
 
@@ -57,42 +53,60 @@ def _read(path: Path) -> Result:
     )
 
 
+@record
+class ReportFile:
+    """A file of a report."""
+
+    path: str
+    bytes: int
+
+
+@record(kw_only=True)
+class ShownResult:
+    """What a result says, its files, and the `run` of the folder that it was made of."""
+
+    file: str
+    run: str | None
+    report: str | None
+    posterior_file: str | None
+    files: tuple[ReportFile, ...]
+    action: OfferedAction | None
+    origin: dict[str, str]
+    workspace: Annotated[InWorkspace, inline("tcp", "tcp_map", "tcp_why", "residuals", "skeletons")]
+    result: Annotated[
+        Result,
+        inline(
+            *("verdict", "message", "coverage_factor", "headline", "notes", "next_steps", "posterior"),
+            *("misfit", "diagnosis", "parameters", "shots", "inputs"),
+        ),
+    ]
+
+
 @end_point(
     "GET /api/result",
     "A result for people, the files of its report, and the displacement of the TCP by the offsets"
     " (`tcp_map`, mm; null where it is not known, with `tcp_why`).",
 )
-def result(folder: Folder, file: str) -> Content:
-    """What a result says, the `files` of its report, and the `run` of the folder that it was made of."""
+def result(folder: Folder, file: str) -> ShownResult:
+    """What a result says, with the measurements of the largest residuals."""
     path = folder.file(file)
     content = read_result(path)
     beside = report_files(path)
-    inputs = content.inputs
-    run = run_of(folder, inputs.sha256, path)
-    ranked = sorted(range(len(content.shots)), key=lambda i: -content.shots[i].whitened)[:MOST_MEASUREMENTS]
-    return {
-        "file": folder.called(path),
-        "run": None if run is None else folder.called(run),
-        "report": _called(folder, path.with_name("report.html"), beside),
-        "posterior_file": _called(folder, path.with_name("posterior.nc"), beside),
-        "files": [{"path": folder.called(file), "bytes": file.stat().st_size} for file in beside],
-        **{name: to_json(getattr(content, name)) for name in _SENTENCES},
-        "posterior": {"converged": content.posterior.converged, "message": content.posterior.message},
-        "action": None
-        if content.message is None
-        else to_json(action_of_result(folder, content.message.action, run)),
-        **to_json(in_workspace(content, run)),
-        "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
-        "diagnosis": [row.sentence for row in content.diagnosis],
-        "parameters": [
-            {name: getattr(row, name) for name in _SHOWN}
-            for row in content.parameters
-            if row.group in ("offset", "tool", "noise")
-        ],
-        "shots": [{key: getattr(content.shots[i], key) for key in _SHOWN_OF_A_SHOT} for i in sorted(ranked)],
-        "inputs": {key: getattr(inputs, key) for key in ("run", "sha256", "robot", "shots", "targets")}
-        | {"version": inputs.versions.get("zerobeam"), **origin_of(inputs.header)},
-    }
+    run = run_of(folder, content.inputs.sha256, path)
+    message = content.message
+    ranked = sorted(content.shots, key=lambda shot: -shot.whitened)[:MOST_MEASUREMENTS]
+    numbers = {shot.shot for shot in ranked}
+    return ShownResult(
+        file=folder.called(path),
+        run=None if run is None else folder.called(run),
+        report=_called(folder, path.with_name("report.html"), beside),
+        posterior_file=_called(folder, path.with_name("posterior.nc"), beside),
+        files=tuple(ReportFile(folder.called(file), file.stat().st_size) for file in beside),
+        action=None if message is None else action_of_result(folder, message.action, run),
+        origin=origin_of(content.inputs.header),
+        workspace=in_workspace(content, run),
+        result=replace(content, shots=tuple(shot for shot in content.shots if shot.shot in numbers)),
+    )
 
 
 def report_files(result_file: Path) -> list[Path]:

@@ -56,6 +56,7 @@ from ...plans.plan_options import (
     LineWidth,
     MarginDeg,
     Pattern,
+    PlanOptions,
 )
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
@@ -127,18 +128,18 @@ class PlanMaking(FileModel):
     candidates: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1000, description="postures that an optimal plan is chosen from"
     )
-    criterion: CriterionOfPlan = "A"
+    criterion: CriterionOfPlan = PlanOptions.criterion
     facing: (
         Annotated[Vector, with_length("the normal of the face", "any vector but zero, or null")] | None
     ) = Field(
-        default=(0.0, 0.0, 1.0),
+        default=PlanOptions.facing,
         description="outward normal of the target's face, base frame, any length; null: any side",
     )
-    acceptance_deg: Annotated[AcceptanceDeg, Field(gt=0, le=90)] = 60.0
+    acceptance_deg: Annotated[AcceptanceDeg, Field(gt=0, le=90)] = PlanOptions.acceptance_deg
     beam_mm: Annotated[tuple[float, float], BeforeValidator(_pair)] = Field(
-        default=(200.0, 2000.0), description="shortest and longest beam, millimetres"
+        default=PlanOptions.beam_mm, description="shortest and longest beam, millimetres"
     )
-    margin_deg: MarginDeg = 5.0
+    margin_deg: MarginDeg = PlanOptions.margin_deg
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
