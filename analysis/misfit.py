@@ -14,6 +14,8 @@ statuses do not see:
     steps                measurements of one recording that are off together, as if the target had slipped
     change               a zero that jumped or drifted during the run, or a target that drifted; where no
                          other criterion says that something is wrong, or only that a target moved
+    repeats      where another criterion says that something is wrong: most of it is that what was measured
+                 again differs from the first time, which no model of the arm explains
 
 Nominal geometry, placements and steps need no stated noise: their yardstick is the scatter that is left with
 links, and within the placements and recordings. So a misfit cannot vanish into a noise that is estimated from
@@ -38,7 +40,7 @@ from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .left_over import Contradiction, LeftOver
-from .observability.changes import RunChange, run_change, run_change_with_links
+from .observability.changes import RepeatsApart, RunChange, repeats_apart, run_change, run_change_with_links
 from .observability.geometry_result import TYPICAL_DEG, TYPICAL_MM, link_columns
 from .observability.identifiability import Identified
 from .placements import placements
@@ -176,6 +178,7 @@ Criterion = (
     | Displacement
     | RecordingStep
     | RunChange
+    | RepeatsApart
 )
 
 _CONFUSED_WITH_LINKS = (BeyondPrior, Displacement, RecordingStep)  # links of an exact arm may pass for them
@@ -214,6 +217,8 @@ def misfit_of(
         criteria = (*(one for one in _contradicted_links(fit) if one.after < REDUCED * one.before), *criteria)
     if all(isinstance(criterion, Displacement) for criterion in criteria):  # or it was a zero that changed
         criteria += tuple(_changed(fit))
+    if criteria and (apart := repeats_apart(fit.problem, fit.whitened)) is not None:
+        criteria = (apart, *criteria)
     return Misfit(criteria) if criteria else None
 
 

@@ -39,7 +39,7 @@ from ..analysis.observability.causes import (
     OnAxis,
     ToolRotation,
 )
-from ..analysis.observability.changes import ChangeAt, RepeatsDiffer, RunChange
+from ..analysis.observability.changes import ChangeAt, RepeatsApart, RepeatsDiffer, RunChange
 from ..analysis.observability.outlook import OutlookRow
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import known
@@ -63,7 +63,7 @@ from .entries import (
     why_open,
 )
 from .finding_words import finding_sentence, likelihood_message
-from .geometry_words import confounded_sentence, worth_sentence
+from .geometry_words import confounded_sentence, with_own_u, worth_sentence
 from .misfit_causes import CAUSES, by_another_run, mend
 from .misfit_words import cause_sentence, larger_tolerance, measurements, step_sentence
 from .observability import (
@@ -146,10 +146,10 @@ def _likely(diagnosis: Sequence[Explanation]) -> Sequence[Explanation]:
 
 
 def _mend_causes(diagnosis: Sequence[Explanation], case: RunCase) -> str:
-    first, *others = _likely(diagnosis)
-    if not others:
-        return mend(first)
-    return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in (first, *others))
+    remedies = {mend(one): CAUSES[one.cause] for one in _likely(diagnosis)}
+    if len(remedies) == 1:
+        return next(iter(remedies))
+    return " ".join(f"If it is {cause}: {remedy}" for remedy, cause in remedies.items())
 
 
 def _analyse_mended(diagnosis: Sequence[Explanation], case: RunCase) -> str | None:
@@ -218,6 +218,23 @@ def _record_again(step: RecordingStep, case: RunCase) -> str:
 def _look_for_change(change: RunChange, case: RunCase) -> str:
     what = dict.fromkeys(map(_changed, (change, *change.elsewhere[: _MOST_NAMED - 1])))
     return f"Look for what changed {' or '.join(what)} during the run, and record the run again."
+
+
+def _mend_repeats(apart: RepeatsApart, case: RunCase) -> str:
+    if case.diagnosis:
+        return _mend_causes(case.diagnosis, case)
+    return (
+        f"Look for what changed (target, instrument, arm) before measurement {apart.again[0]}, and record the"
+        " run again."
+    )
+
+
+def _repeats_sentence(apart: RepeatsApart, case: RunCase) -> str:
+    return f"{_finding(apart, case)}."
+
+
+def _analyse_repeats(apart: RepeatsApart, case: RunCase) -> str | None:
+    return _analyse_mended(case.diagnosis, case) if case.diagnosis else None
 
 
 def _measure_again(change: RepeatsDiffer, case: RunCase) -> str:
@@ -345,12 +362,11 @@ def _unjudged(result: Result, case: RunCase) -> Iterable[str]:
 
 def _worth(result: Result, case: RunCase) -> Iterable[str]:
     """What the offsets are worth with the geometry taken otherwise, or why they are known no better."""
-    offsets = [row for row in case.offsets if row.std is not None and row.status != "assumed"]
-    if not offsets:
-        return ()
     if result.geometry.tolerance is None:
-        return some(worth_sentence(result.geometry, offsets, result.coverage_factor))
-    worst = max(offsets, key=lambda row: row.std or 0.0)
+        return some(worth_sentence(result.geometry, case.offsets, result.coverage_factor))
+    worst = max(with_own_u(case.offsets), key=lambda row: row.std or 0.0, default=None)
+    if worst is None:
+        return ()
     share = worst.tolerance_share
     return some(confounded_sentence(result.geometry, worst.name, share, person))
 
@@ -360,6 +376,13 @@ _VALUES: frozenset[About] = frozenset({"values"})
 RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "held offsets", "stop", _held_sentence, place="before the cause", about="model", found=_held
+    ),
+    _criterion(
+        RepeatsApart,
+        _mend_repeats,
+        sentence=_repeats_sentence,
+        command=_analyse_repeats,
+        place="before the cause",
     ),
     FindingEntry(
         "a diagnosis",

@@ -24,11 +24,11 @@ from ..analysis.misfit import ExactDoubted
 from ..analysis.observability.changes import RepeatsDiffer
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
 from . import numbers
-from .misfit_words import change_words, criterion_sentence, measurements
+from .misfit_words import change_words, criterion_sentence, repeats_disagree
 from .numbers import p_words
 from .numbers import significant as rounded
 from .observability import reason
-from .wording import Namer, be, capital, clipped, label, listed
+from .wording import Namer, be, clipped, label, listed
 
 MOST_NAMED = 10
 _USELESS = {
@@ -102,11 +102,7 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
                 " rely on the rest"
             )
         case RepeatsDiffer(p_value=p_value, again=again):
-            return (
-                f"{capital(measurements(again[0], again[-1]))} {'repeats' if len(again) == 1 else 'repeat'}"
-                f" earlier ones and {'does' if len(again) == 1 else 'do'} not agree with them"
-                f" ({p_words(p_value)}), as if {change_words(finding)}"
-            )
+            return f"{repeats_disagree(again)} ({p_words(p_value)}), as if {change_words(finding)}"
         case FileWarning(text):
             return text
         case _:

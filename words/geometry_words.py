@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from ..analysis.observability.causes import Cause, NotResolvable
 from ..analysis.observability.check import Check
 from ..analysis.observability.geometry_result import Confounded, GeometryResult, Rung, RungName, Tolerance
+from ..analysis.status import Status
 from . import numbers
 from .wording import Namer, listed, person
 
@@ -33,7 +34,12 @@ class OffsetRow(Protocol):
     @property
     def std(self) -> float | None: ...
     @property
+    def status(self) -> Status: ...
+    @property
     def tolerance_share(self) -> float | None: ...
+
+
+Row = TypeVar("Row", bound=OffsetRow)
 
 
 class _Tolerated(Protocol):
@@ -88,11 +94,16 @@ def tolerance_words(tolerance: Tolerance, unit: str) -> str:
     return f"{numbers.exact(low, unit)} to {numbers.exact(high, unit)}"
 
 
+def with_own_u(offsets: Iterable[Row]) -> list[Row]:
+    """The offsets of which a sentence says how large u is: not those whose u is assumed."""
+    return [row for row in offsets if row.std is not None and row.status != "assumed"]
+
+
 def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: float = 1.0) -> str | None:
-    """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u. With a
-    coverage factor `k` of expanded uncertainties U."""
-    std = {row.name: row.std for row in offsets if row.std is not None}
-    units = {row.name: row.unit for row in offsets if row.std is not None}
+    """What u of the `offsets` (`with_own_u`) is, and what it would be with the geometry taken otherwise; None
+    where none has a u. With a coverage factor `k` of expanded uncertainties U."""
+    known = with_own_u(offsets)
+    std, units = {row.name: row.std for row in known}, {row.name: row.unit for row in known}
     considered = _range(geometry.consider, units, k)
     if not std or considered is None:
         return None
@@ -199,8 +210,7 @@ def check_lines(check: Check) -> list[str]:
     offsets = [row for row in check.parameters if row.group == "offset"]
     worth = worth_sentence(check.geometry, offsets)
     lines = [] if worth is None else [worth]
-    known = [row for row in offsets if row.std is not None]
-    worst = max(known, key=lambda row: row.std or 0.0, default=None)
+    worst = max(with_own_u(offsets), key=lambda row: row.std or 0.0, default=None)
     if worst is not None:
         why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
         lines += [] if why is None else [why]

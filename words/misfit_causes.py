@@ -33,6 +33,7 @@ CAUSES: dict[Cause, str] = {
     "spot": "axes of the spots",
     "placement": "one placement",
     "measurements": "single measurements",
+    "repeats": "repeats that differ from the first measurements",
     "moved_target": "moved target",
     "jump": "zero of a joint that jumped",
     "drift": "drift during the run",
@@ -57,7 +58,7 @@ _SPOTS = {
 _AGAIN = "and analyse again"
 # Mended by another file: by a new import, or by a new recording.
 _BY_ANOTHER_RUN = frozenset(
-    {"units", "quaternion", "inverse", "inverse_pose", "jump", "drift", "lag", "backlash"}
+    {"units", "quaternion", "inverse", "inverse_pose", "repeats", "jump", "drift", "lag", "backlash"}
 )
 
 
@@ -118,6 +119,8 @@ def changed(explanation: Explanation) -> str:
             return f"without the measurements at {listed(targets)}"
         case "measurements":
             return f"without {_called(explanation)}"
+        case "repeats":
+            return f"without the repeats {_numbers(explanation)}"
         case "moved_target":
             return f"with {targets[0]} moved {_between(explanation)}"
         case "jump":
@@ -212,6 +215,11 @@ def mend(explanation: Explanation) -> str:
             return (
                 f"Analyse without {_called(explanation)} (--drop), correct {correct} and import again, or"
                 f" measure {again} again.{_readings(explanation.readings)}"
+            )
+        case "repeats":
+            return (
+                "Something changed during the run: look for what moved or slipped (target, instrument, arm)"
+                f" before measurement {explanation.measurements[0]}, and record the run again."
             )
         case "moved_target":
             return (

@@ -16,7 +16,7 @@ from ..analysis.misfit import (
     OffPrior,
     PlacementsDisagree,
 )
-from ..analysis.observability.changes import ChangeAt, RunChange
+from ..analysis.observability.changes import ChangeAt, RepeatsApart, RunChange
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
 from ..analysis.tight_priors import TightPrior
@@ -96,6 +96,12 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             return displacement_sentence(criterion)
         case RecordingStep():
             return step_sentence(criterion)
+        case RepeatsApart(again=again, size_mm=size):
+            apart = f"{repeats_disagree(again)}: they are {numbers.significant(size, 2, 'mm')} apart"
+            return (
+                f"{apart} ({p_words(criterion.p_value)}). Something changed during the run, or one of the"
+                " readings is wrong, or the noise is understated"
+            )
         case RunChange(p_value=p_value, elsewhere=elsewhere):
             if not elsewhere:
                 return f"It seems that {change_words(criterion)} ({p_words(p_value)})"
@@ -203,6 +209,13 @@ def measurements(first: int, last: int) -> str:
     return f"measurement {first}" if first == last else f"measurements {first} to {last}"
 
 
+def repeats_disagree(again: Sequence[int]) -> str:
+    """That what was measured `again` does not agree with the first time."""
+    repeat, agree = ("repeats", "does") if len(again) == 1 else ("repeat", "do")
+    shots = capital(measurements(again[0], again[-1]))
+    return f"{shots} {repeat} earlier ones and {agree} not agree with them"
+
+
 def _off(parameter: OffPrior, name: Namer) -> str:
     return (
         name(parameter.name)
@@ -238,7 +251,7 @@ def cause_sentence(explanations: Sequence[Explanation]) -> str:
     best, *rivals = explanations
     if open_ := undecided(explanations):
         questions = [f"{CAUSES[one.cause]} ({changed(one)})" for one in open_[:_MOST_ALTERNATIVES]]
-        ratios = [numbers.significant(best.odds / one.odds, 2) for one in open_[1:_MOST_ALTERNATIVES]]
+        ratios = [numbers.significant(open_[0].odds / one.odds, 2) for one in open_[1:_MOST_ALTERNATIVES]]
         text = (
             f"The measurements do not decide what is wrong: {', or '.join(questions)} (evidence"
             f" {' : '.join(['1', *ratios])})."

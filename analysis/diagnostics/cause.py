@@ -22,6 +22,7 @@ Cause = Literal[
     "spot",
     "placement",
     "measurements",
+    "repeats",
     "moved_target",
     "jump",
     "drift",

@@ -18,7 +18,7 @@ from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
-from ..observability.changes import RunChange
+from ..observability.changes import RepeatsApart, RunChange
 from ..solution import Solution
 from .cause import Cause
 from .hypotheses import (
@@ -38,6 +38,7 @@ _RIVALS_OF_LINKS: frozenset[Cause] = frozenset(
     {
         "placement",
         "measurements",
+        "repeats",
         "moved_target",
         "jump",
         "drift",
@@ -47,6 +48,10 @@ _RIVALS_OF_LINKS: frozenset[Cause] = frozenset(
         "noise",
         "tool",
     }
+)
+# What can make two readings in one posture differ: nothing else that is wrong all along can.
+_MAKES_REPEATS_DIFFER: frozenset[Cause] = frozenset(
+    {"measurements", "repeats", "moved_target", "jump", "drift", "lag", "backlash", "noise"}
 )
 
 
@@ -99,11 +104,13 @@ class Explanation:
 
 def undecided(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """The best explanations between which the measurements do not decide: the evidence of none is 20 times
-    that of another, all that was tried counted. Empty where the first one is decided."""
+    that of another, all that was tried counted; the noise, which would explain anything, last. Empty where
+    the first one is decided."""
     if not explanations or explanations[0].links_of_an_exact_arm:
         return ()
-    rivals = tuple(one for one in explanations if one.odds > explanations[0].odds / DECIDED)
-    return rivals if len(rivals) > 1 else ()
+    rivals = [one for one in explanations if one.odds > explanations[0].odds / DECIDED]
+    rivals.sort(key=lambda one: one.cause == "noise")
+    return tuple(rivals) if len(rivals) > 1 else ()
 
 
 def diagnose(solution: Solution) -> tuple[Explanation, ...]:
@@ -128,6 +135,8 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     if base.agrees(slack) and not changed:
         return ()
     fits = list(hypothesis_fits(problem, ended[0], slack))
+    if any(isinstance(one, RepeatsApart) for one in solution.misfit.criteria):
+        fits = [fit for fit in fits if fit.cause in _MAKES_REPEATS_DIFFER]
     explained = tuple(
         replace(one, readings=misreadings(problem, ended[0], base, one.measurements[0], slack))
         if one.cause == "measurements" and len(one.measurements) == 1

@@ -19,7 +19,7 @@ from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..left_over import Hypotheses
 from ..observability.biases import Linearised, revolute
-from ..observability.changes import FEWEST, elapsed
+from ..observability.changes import FEWEST, elapsed, repeated
 from .cause import Cause
 
 # Standard deviations that are tried, from a little more than what is typical upwards.
@@ -93,6 +93,7 @@ def suspects(linear: Linear) -> list[Suspect]:
         *_jumps(linear),
         *_moved_targets(linear),
         *_outliers(linear),
+        *_repeats(linear),
         *_of_motion(linear),
         *_drifts(linear),
         *_of_parameters(linear),
@@ -236,6 +237,16 @@ def _outliers(linear: Linear) -> Iterator[Suspect]:
         evidence, index, size = _best(tried, _MM)[0]
         gone = [*gone, index]
         yield replace(_without(linear, gone), size=size, evidence=evidence - price, log_choices=price)
+
+
+def _repeats(linear: Linear) -> Iterator[Suspect]:
+    """All that was measured again off: something changed after the first measurements, in whatever way."""
+    again = repeated(linear.problem)
+    if len(again) < FEWEST:
+        return
+    suspect = replace(_without(linear, again.tolist()), cause="repeats")
+    tried = linear.of(suspect.columns(linear))
+    yield from _suspects(tried, _MM, lambda _: suspect)
 
 
 def _with_each(linear: Linear, gone: list[int]) -> Hypotheses:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from ...model.arrays import Index, Matrix
-from ...model.likelihood.problem import Problem
+from ...model.likelihood.problem import Problem, Whitened
 from ...model.records import internal, record
 from ..left_over import DETERMINED_MM, EXCLUDES, Contradiction, Hypotheses
 from .biases import Linearised
@@ -34,6 +34,8 @@ DOUBTFUL = 0.01
 # repeats of 60 % of arms are this near, of none within 0.3. No pattern's last posture is, to its first.
 _SAME = {"revolute": np.radians(3.0), "prismatic": 10.0}
 _MOST = 1000  # measurements, of which those that end where they began are looked for
+
+MOST_OF = 0.5  # of the squares of all residuals, from which repeats are what is wrong
 
 How = Literal["jump", "drift"]
 
@@ -75,20 +77,55 @@ class RepeatsDiffer(ChangeAt):
     again: tuple[int, ...]
 
 
+@record
+class RepeatsApart(Contradiction):
+    """The measurements `again` are `size_mm` (rms) apart from those that they repeat, whatever the model is;
+    `p_value` is that of such differences by the stated noise. They are most of what the model leaves."""
+
+    kind: Literal["repeats"] = field(default="repeats", kw_only=True)
+
+    again: tuple[int, ...]
+    size_mm: float
+    p_value: float
+
+
 def repeated(problem: Problem) -> Index:
     """The places of the measurements with which a run ends as it began: each in a posture of its first half,
     but for how a servo turns the wrist, at the same target. Empty where it does not."""
+    return repeated_pairs(problem)[:, 1]
+
+
+def repeated_pairs(problem: Problem) -> Index:
+    """(r, 2) the place of what is repeated, and that of its repeat (`repeated`)."""
     order, count = problem.order, problem.shots
     near = np.array([_SAME[joint.kind] for joint in problem.robot.joints])
     joints, targets = problem.joints[order], problem.target_index[order]
-    again = 0
+    again, pairs = 0, np.zeros((0, 2), dtype=int)
     while FEWEST < count - again <= _MOST:
         last, first = count - 1 - again, min((count - again) // 2, count - again - FEWEST)
-        same = (np.abs(joints[:first] - joints[last]) < near).all(axis=1)
-        if not (same & (targets[:first] == targets[last])).any():
+        same = (np.abs(joints[:first] - joints[last]) < near).all(axis=1) & (targets[:first] == targets[last])
+        if not same.any():
             break
+        pairs = np.vstack([[np.argmax(same), last], pairs])
         again += 1
-    return np.asarray(order[count - again :])
+    return np.asarray(order[pairs])
+
+
+def repeats_apart(problem: Problem, whitened: Whitened) -> RepeatsApart | None:
+    """Whether what was measured again is what contradicts the noise of a fit: no model of the arm, right or
+    wrong, makes two readings in one posture differ. None where it is not, and where the noise is unknown."""
+    first, again = repeated_pairs(problem).T
+    if not problem.noise.known or not len(again):
+        return None
+    residual, residual_mm = whitened.residual, whitened.residual_mm
+    by_shots = residual[: residual_mm.size].reshape(residual_mm.shape)
+    squares = float(((by_shots[again] - by_shots[first]) ** 2).sum() / 2)
+    p_value = float(scipy.special.chdtrc(problem.active[again].sum(), squares))
+    if p_value >= SIGNIFICANT or squares < MOST_OF * float(residual @ residual):
+        return None
+    size = problem.select(again).rms_mm(residual_mm[again] - residual_mm[first])
+    numbers = tuple(problem.shot_numbers[i] for i in again)
+    return RepeatsApart(numbers, size, p_value)
 
 
 def repeats_differ(problem: Problem, x: Matrix) -> RepeatsDiffer | None:

@@ -53,6 +53,7 @@ _CRITERIA = {
     "moved_target": "target moved",
     "step": "target slipped",
     "change": "change during the run",
+    "repeats": "repeats differ",
 }
 
 

@@ -80,7 +80,7 @@ def offsets_worth(result: Result) -> str | None:
     """What U is worth if the geometry is not as it was taken. A misfit has found it wrong already: None."""
     if result.misfit is not None:
         return None
-    offsets = [row for row in result.parameters if row.group == "offset" and row.status != "assumed"]
+    offsets = [row for row in result.parameters if row.group == "offset"]
     return worth_sentence(result.geometry, offsets, result.coverage_factor)
 
 

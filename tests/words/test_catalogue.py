@@ -45,7 +45,7 @@ from zerobeam.analysis.misfit import (
     PlacementsDisagree,
 )
 from zerobeam.analysis.observability.causes import Held
-from zerobeam.analysis.observability.changes import RepeatsDiffer, RunChange
+from zerobeam.analysis.observability.changes import RepeatsApart, RepeatsDiffer, RunChange
 from zerobeam.analysis.observability.check import Check, OutsideLimits, TargetBehind, Unreachable, Violation
 from zerobeam.analysis.observability.predictions import OverTarget
 from zerobeam.analysis.recordings.steps import RecordingStep, RecordingSteps
@@ -168,6 +168,7 @@ MEETS, FAILS = (
 # By the finding of an entry: a result that has it.
 OF_RUNS: dict[type | str, Callable[[], Result]] = {
     "held offsets": lambda: wrong(LACK, held="delta4"),
+    RepeatsApart: lambda: wrong(RepeatsApart((7, 8), 5.0, 1e-9)),
     "a diagnosis": lambda: wrong(LACK, BY_CHANCE),
     NotConverged: stopped,
     NominalContradicted: lambda: wrong(NominalContradicted(3.0, 2, 8, 1e-6, 3.0, 1.0)),

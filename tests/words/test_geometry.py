@@ -8,6 +8,7 @@ import pytest
 
 from zerobeam.analysis.estimation.tolerance_factors import Factors
 from zerobeam.analysis.observability.geometry_result import Confounded, GeometryResult, LinkTolerances, Rung
+from zerobeam.analysis.status import Status
 from zerobeam.words.geometry_words import (
     confounded_sentence,
     factors_sentence,
@@ -23,6 +24,8 @@ class Row:
     name: str
     unit: str
     std: float | None
+    status: Status = "identified"
+    tolerance_share: float | None = None
 
 
 NOMINAL = GeometryResult(
@@ -53,6 +56,12 @@ def test_nominal_geometry_says_what_u_is_if_the_arm_deviates() -> None:
         "With nominal geometry u is 0.0060° to 0.0090°; if the arm deviates from it by 0.3\u00a0mm and 0.1°,"
         " 0.018° to 0.090°. Leave out geometry: exact to estimate it."
     )
+
+
+def test_no_range_includes_what_is_assumed() -> None:
+    rows = [*ROWS, Row("delta6", "deg", 0.05, "assumed")]
+    assert worth_sentence(STATED, rows) == worth_sentence(STATED, ROWS)
+    assert worth_sentence(STATED, rows[-1:]) is None
 
 
 def test_stated_tolerances_are_halved_and_doubled() -> None:

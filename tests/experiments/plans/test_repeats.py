@@ -14,15 +14,17 @@ from command_line import zerobeam
 from deviating_arms import Arms
 from plan_requests import plan_request
 
+from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose, undecided
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
-from zerobeam.analysis.observability.changes import repeated, repeats_differ
+from zerobeam.analysis.observability.changes import RepeatsApart, repeated, repeats_differ
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.analysis.observability.power import powers
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, first_in_turn, read_plan
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.misfit_words import cause_sentence
 
 TARGET = np.array([900.0, 0.0, 0.0])
 
@@ -170,3 +172,41 @@ def test_repeats_lower_the_risk() -> None:
     for wrong in ("jump", "drift", "moved"):
         assert risks[1][wrong].risk < 0.2 < 0.9 < risks[0][wrong].risk
         assert risks[1][wrong].hidden_tcp_mm < risks[0][wrong].hidden_tcp_mm / 2
+
+
+def test_repeats_that_are_elsewhere_are_said_before_any_noise() -> None:
+    """Readings of both repeats, or of one, 5 mm off: that they disagree is said first, and nothing that is
+    wrong all along is called its cause."""
+    rng = np.random.default_rng(5)
+    plan = typical(repeat=2)
+    arms = Arms.at_random(4, rng)
+    joints, hit = arms.recorded(plan.postures, TARGET, rng)
+    assert hit.all()
+    for rows in joints:
+        problem = Problem.build(plan.header, irb1600(), rows, ["psd"] * len(rows))
+        for off in ([[0.0, 5.0], [5.0, 0.0]], [[5.0, 0.0], [0.0, 0.0]]):
+            spots = problem.spots.copy()
+            spots[7:] += off
+            solution = solve_run(replace(problem, spots=spots), plan.header)
+            apart = solution.contradictions[0]
+            assert isinstance(apart, RepeatsApart)
+            assert apart.again == (7, 8)
+            assert apart.size_mm == pytest.approx(np.hypot(*off[0]) / (1 if off[1][0] else 2**0.5), rel=0.4)
+            causes = {one.cause for one in diagnose(solution)}
+            assert causes <= {"repeats", "measurements", "moved_target", "jump", "drift", "backlash", "noise"}
+            assert causes & {"repeats", "measurements"}
+        # The control: readings that are wrong all along are the same when they are repeated.
+        solution = solve_run(problem.moved(problem.joints[:, [0, 2, 1, 3, 4, 5]]), plan.header)
+        assert solution.misfit is not None
+        assert not any(isinstance(one, RepeatsApart) for one in solution.contradictions)
+
+
+def test_what_differs_by_noise_alone_is_said_so_last() -> None:
+    repeats, noise = (
+        Explanation(cause, (), (), (7, 8), 10.0, 0.9, 7.0, 1.0, 1.0, 0.0, 1e-5, True, odds=odds)
+        for cause, odds in (("repeats", 0.4), ("noise", 1.0))
+    )
+    assert undecided((noise, repeats)) == (repeats, noise)
+    assert "repeats that differ from the first measurements (without the repeats 7 and 8), or noise" in (
+        cause_sentence((noise, repeats))
+    )
