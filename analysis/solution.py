@@ -278,10 +278,11 @@ class Solution:
     @property
     def verdict(self) -> Verdict:
         """Over all offsets; misfit where the model does not describe the measurements, degenerate without a
-        converged fit."""
+        converged fit, no more than weak with angles of the robot that are rounded."""
         if self.misfit is not None:
             return "misfit"
-        return verdict_of(row.status for row in self.offsets) if self.converged else "degenerate"
+        verdict = verdict_of(row.status for row in self.offsets) if self.converged else "degenerate"
+        return "weak" if verdict == "pass" and self.problem.robot.rounded else verdict
 
     @cached_property
     def against_noise(self) -> AgainstNoise:

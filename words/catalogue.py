@@ -19,6 +19,7 @@ from ..analysis.answer.findings import (
     Outlying,
     PoorCurvature,
     RobustNotConverged,
+    RoundedAngles,
 )
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation, undecided
@@ -415,6 +416,17 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     _criterion(PlacementsDisagree, place="cause or caution"),
     _criterion(RunChange, _look_for_change),
     # What speaks against the values, whatever the verdict.
+    FindingEntry(
+        RoundedAngles,
+        "stop",
+        _finding,
+        remedy=(
+            "Enter nothing yet: correct these angles in the robot's file (pi / 2 is 1.570796327), and analyse"
+            " again. An angle that was measured is stated to six decimals of a radian."
+        ),
+        command=_again,
+        about="file",
+    ),
     FindingEntry(
         OtherBasins,
         "stop",

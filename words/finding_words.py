@@ -14,6 +14,7 @@ from ..analysis.answer.findings import (
     Outlying,
     PoorCurvature,
     RobustNotConverged,
+    RoundedAngles,
 )
 from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
@@ -103,6 +104,8 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             )
         case RepeatsDiffer(p_value=p_value, again=again):
             return f"{repeats_disagree(again)} ({p_words(p_value)}), as if {change_words(finding)}"
+        case RoundedAngles(sentences):
+            return "; ".join(sentences)
         case FileWarning(text):
             return text
         case _:

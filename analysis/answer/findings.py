@@ -82,6 +82,13 @@ class Outlying:
 
 
 @dataclass(frozen=True)
+class RoundedAngles:
+    """Angles of the robot are right angles rounded: a sentence each."""
+
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class FileWarning:
     """What the reader of the file noticed, in its words."""
 
@@ -99,6 +106,7 @@ Finding = (
     | RobustNotConverged
     | Outlying
     | RepeatsDiffer
+    | RoundedAngles
     | FileWarning
 )
 
@@ -108,6 +116,8 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
     if not solution.fit.converged:
         yield NotConverged(solution.fit.reason)
     yield from solution.contradictions
+    if rounded := solution.problem.robot.rounded:
+        yield RoundedAngles(rounded)
     if solution.fit.other_basins:
         undecided = undecided_names(solution.identified.facts.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
@@ -149,7 +159,7 @@ def findings(
         *_on_omitted(posterior),
         *on_held_out(held_out),
         *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),
-        *(FileWarning(text) for text in warnings),
+        *(FileWarning(text) for text in warnings if text not in solution.problem.robot.rounded),
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePosixPath
@@ -15,7 +17,7 @@ from pydantic_core import PydanticCustomError
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.dh import Convention, DHRow, RowTable, dh_chain, table_of
-from ..kinematics.plausible import doubtful_rows, too_long, warn_of
+from ..kinematics.plausible import beside_right_angle, doubtful_rows, is_rounded, too_long, warn_of
 from ..kinematics.robot import Joint, Robot
 from ..kinematics.transforms import pose_of
 from ..parsing.confinement import BUILT_IN, require_within
@@ -350,7 +352,16 @@ def read_robot(path: Path) -> Robot:
     rows = read_rows(path)
     doubtful = doubts(rows)
     warn_of(rows.name, doubtful)
-    return replace(rows.robot(), doubts=tuple(f"robot {rows.name}: {doubt}" for doubt in doubtful))
+    sentences = tuple(f"robot {rows.name}: {doubt}" for doubt in doubtful)
+    return replace(rows.robot(), doubts=sentences, rounded=tuple(_rounded(rows)))
+
+
+def _rounded(rows: RobotFile) -> Iterator[str]:
+    """A sentence on each angle that is a right angle rounded in radians, as of a URDF."""
+    for i, joint in enumerate(rows.joints, start=1):
+        for key in ("alpha_deg", "theta_deg", "beta_deg"):
+            if is_rounded(math.radians(value := getattr(joint, key))):
+                yield f"robot {rows.name}: {beside_right_angle(f'{key} of joint {i}', value)}"
 
 
 def doubts(rows: RobotFile) -> tuple[str, ...]:

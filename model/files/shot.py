@@ -462,7 +462,7 @@ def check_shots(
             )
         first_line[shot.shot] = line
     rules.check_postures(shots, lines, file=file)
-    _check_repeats(shots, lines, file=file, planned=planned)
+    _check_repeats(robot, shots, lines, file=file, planned=planned)
     limits = check_limits(
         robot,
         np.array([shot.joints_deg for shot in shots]),
@@ -475,11 +475,16 @@ def check_shots(
     return robot.doubts + limits + unknown_targets(header, target_names(shot.target for shot in shots))
 
 
+# Of a measurement and its repeat, each turned onto the target: further apart they are two postures.
+_ANOTHER_POSTURE = {"revolute": 10.0, "prismatic": 100.0}  # deg, mm
+
+
 def _check_repeats(
-    shots: Sequence[Shot], lines: Sequence[int | None], *, file: Path | None, planned: bool
+    robot: Robot, shots: Sequence[Shot], lines: Sequence[int | None], *, file: Path | None, planned: bool
 ) -> None:
     """BadInput for a repeat that is none: what it repeats may be missing from a run, but not from a plan, in
     which the joints are the same too."""
+    alike = np.array([0.0 if planned else _ANOTHER_POSTURE[joint.kind] for joint in robot.joints])
     by_number = {shot.shot: shot for shot in shots}
     noun = _noun(planned)
     for shot, line in zip(shots, lines, strict=True):
@@ -497,8 +502,11 @@ def _check_repeats(
         ):
             what = f"{noun} {shot.shot} repeats {shot.again}, but measures something else"
             actual = f"{first.called} and {shot.called}"
-        elif planned and first.joints_deg != shot.joints_deg:
-            what, actual = f"{noun} {shot.shot} repeats {shot.again}, but has other joints", "another posture"
+        elif (off := np.abs(np.subtract(shot.joints_deg, first.joints_deg)) - alike).max() > 0:
+            joint = int(np.argmax(off))
+            what = f"{noun} {shot.shot} repeats {shot.again}, but has other joints"
+            apart, unit = off[joint] + alike[joint], robot.joints[joint].unit
+            actual = f"joint {joint + 1} differs by {apart:.6g} {unit}"
         else:
             continue
         raise BadInput(

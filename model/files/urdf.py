@@ -19,7 +19,7 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.plausible import rounded_angle, too_long, warn_of
+from ..kinematics.plausible import is_rounded, rounded_angle, too_long, warn_of
 from ..kinematics.robot import Joint, JointKind, Robot
 from ..kinematics.transforms import euler, shift
 from ..parsing.reading import did_you_mean, read_text
@@ -241,13 +241,16 @@ class _Reader:
                 remedy="name the links at the two ends of the arm",
             )
         origins = [float(np.linalg.norm(each[:3, 3])) for each in (*(j.fixed for j in joints), pending)]
-        doubtful = (*too_long(origins, "metres in a URDF"), *self._rounded(base, tip))
+        beside = dict(self._beside_right_angles(base, tip))
+        doubtful = (*too_long(origins, "metres in a URDF"), *beside)
         warn_of(self.name, doubtful)
-        sentences = tuple(f"robot {self.name}: {doubt}" for doubt in doubtful)
-        return Robot(self.name, tuple(joints), pending, doubts=sentences)
+        said = {doubt: f"robot {self.name}: {doubt}" for doubt in doubtful}
+        rounded = tuple(said[doubt] for doubt, value in beside.items() if is_rounded(value))
+        return Robot(self.name, tuple(joints), pending, doubts=tuple(said.values()), rounded=rounded)
 
-    def _rounded(self, base: str, tip: str) -> Iterator[str]:
-        """A sentence on each angle that is a rounded right angle, with all of the chain that have it."""
+    def _beside_right_angles(self, base: str, tip: str) -> Iterator[tuple[str, float]]:
+        """A sentence on each angle that seems a rounded right angle, with all of the chain that have it, and
+        the angle, rad."""
         having: dict[float, list[str]] = {}
         for edge in self.chain(base, tip):
             element = edge.element.find("origin")
@@ -258,7 +261,7 @@ class _Reader:
                     having.setdefault(abs(value), []).append(angle)
         for value, places in having.items():
             if (sentence := rounded_angle(f"{self.path.name}, {', '.join(places)}", value)) is not None:
-                yield sentence
+                yield sentence, value
 
     def visuals(self, base: str, tip: str) -> list[Visual]:
         elements = dict(zip(self.links, self.elements, strict=True))

@@ -14,6 +14,7 @@ _NEAR_DEG = 10.0
 _METRES = (0.05, 3.0)  # a link's length, if it was written in metres
 _DIGITS = range(2, 9)  # that people write of pi
 _BESIDE_DEG = 0.1  # so near to a right angle a twist is meant to be on it, if it has few decimals
+_ROUNDED_DEG = 1.0  # a right angle rounded to two decimals, or more, is no further off
 _ON_DEG = 1e-3
 _FEW = 5  # decimals of an angle in rad
 _SAME_RAD = 2e-8  # digits of a robot file, in degrees
@@ -61,12 +62,17 @@ def doubtful_rows(
         if _nearly_quarter(value) and not _fraction_of_pi(value) and not _rounded_degrees(value)
     ]
     doubts += [
-        f"{called}: {value:.10g}° is {abs(value - _right(value)):.2g}° beside a right angle:"
-        f" was {_right(value):g}° meant?"
+        beside_right_angle(called, value)
         for called, value in {**twists, **angles}.items()
         if _rounded_degrees(value) and not _fraction_of_pi(value)
     ]
     return tuple(doubts)
+
+
+def beside_right_angle(called: str, value: float) -> str:
+    """That an angle, degrees, is no right angle, and which is near."""
+    off = abs(value - _right(value))
+    return f"{called}: {value:.10g}° is {off:.2g}° beside a right angle: was {_right(value):g}° meant?"
 
 
 def too_long(lengths: Sequence[float], unit: str) -> tuple[str, ...]:
@@ -115,16 +121,24 @@ def rounded_angle(called: str, rad: float) -> str | None:
     exact = quarters * math.pi / 2
     off = math.degrees(abs(rad - exact))
     few = rad == round(rad, _FEW) or _rounding(math.radians(off))
-    near = off < _BESIDE_DEG or _fraction_of_pi(rad)
+    near = off < _BESIDE_DEG or (off < _ROUNDED_DEG and _fraction_of_pi(rad))
     if not 1 <= quarters <= 4 or off <= _ON_DEG or not few or not near:
         return None
     meant = f"{exact:.10g} rad ({math.degrees(exact):g}°)"
     return f"{called}: {rad:.10g} rad is {off:.2g}° beside a right angle: was {meant} meant?"
 
 
+def is_rounded(rad: float) -> bool:
+    """Whether an angle, rad, is one to four right angles rounded or cut to two to four decimals, and off by
+    more than 0.001°: no arm is built so, and what its run determines is wrong by as much."""
+    quarters = round(abs(rad) / (math.pi / 2))
+    off = abs(abs(rad) - quarters * math.pi / 2)
+    return 1 <= quarters <= 4 and math.degrees(off) > _ON_DEG and _rounding(off)
+
+
 def _rounding(off: float) -> bool:
     """Whether an angle is as far from a right angle, rad, as a multiple of pi / 2 of few digits is."""
-    scale = (10.0**digits for digits in (2, 3))
+    scale = (10.0**digits for digits in (2, 3, 4))
     cut = (
         abs(k * math.pi / 2 - rounded(k * math.pi / 2 * by) / by)
         for by in scale

@@ -115,7 +115,9 @@ class Robot(ByValue):
     conventions
         How it is mounted and how its pendant counts. Joint positions here count joint 3 from link 2.
     doubts
-        What looks wrong in its file, in sentences, such as an angle that is rounded.
+        What looks wrong in its file, in sentences, such as a length in metres.
+    rounded
+        Those of them on angles that are right angles rounded: no run passes before they are corrected.
 
     Examples
     --------
@@ -133,6 +135,7 @@ class Robot(ByValue):
     vendor: str | None = None
     conventions: Conventions = NOTHING_STATED
     doubts: tuple[str, ...] = field(default=(), compare=False)
+    rounded: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n} joint{'' if self.n == 1 else 's'}>"

@@ -28,6 +28,7 @@ from zerobeam.analysis.answer.findings import (
     Outlying,
     PoorCurvature,
     RobustNotConverged,
+    RoundedAngles,
 )
 from zerobeam.analysis.answer.result import Result, parse_result
 from zerobeam.analysis.diagnostics.diagnosis import Explanation
@@ -180,6 +181,7 @@ OF_RUNS: dict[type | str, Callable[[], Result]] = {
     BeyondPrior: lambda: wrong(BeyondPrior((OffPrior("delta2", 5.0),))),
     PlacementsDisagree: lambda: wrong(PlacementsDisagree(3.0, 2, 8, 1e-6, ("a", "b"), "a")),
     RunChange: lambda: wrong(RunChange("jump", 2, None, 3, 4, 0.3, 0.01, "deg", 1e-6, ())),
+    RoundedAngles: lambda: of_offsets("weak", RoundedAngles(("pitch of joint 'j1': 1.57 rad",))),
     OtherBasins: lambda: passed(OtherBasins(2)),
     ExactDoubted: lambda: passed(ExactDoubted(0.005, 0.4, 0.5, 0.05)),
     HeldOutMisfit: lambda: passed(HeldOutMisfit(("psd",), 0.4, 3.0, run="second.jsonl")),

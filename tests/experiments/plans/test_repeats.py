@@ -23,6 +23,7 @@ from zerobeam.analysis.observability.power import powers
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, first_in_turn, read_plan
+from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit_words import cause_sentence
 
@@ -71,6 +72,30 @@ def test_a_repeat_of_something_else_is_refused(again: int, what: str, tmp_path: 
     with pytest.raises(BadInput, match=what) as refused:
         read_plan(file)
     assert refused.value.line == text.count("\n", 0, text.index("again: 1")) + 1
+
+
+@pytest.mark.parametrize(("joint", "by", "refused"), [(2, 3.0, False), (2, 30.0, True)])
+def test_a_measurement_of_other_joints_is_no_repeat(
+    joint: int, by: float, refused: bool, tmp_path: Path
+) -> None:
+    plan = made(repeat=2)
+    rows: list[dict[str, Any]] = [
+        {"shot": shot.shot, "target": shot.target, "joints_deg": [*shot.joints_deg]}
+        | ({} if shot.again is None else {"again": shot.again})
+        for shot in plan.shots
+    ]
+    rows[8]["joints_deg"][joint] += by
+    first = {"schema": "zerobeam/run/1", "robot": "irb1600", "tool": LASER}
+    lines = map(json.dumps, [first | {"noise": {"joint_deg": 0.01, "spot_mm": 0.05}}, *rows])
+    file = tmp_path / "run.jsonl"
+    file.write_text("\n".join(lines) + "\n")
+    if not refused:
+        assert {shot.shot: shot.again for shot in read_run(file).shots}[8] == 1
+        return
+    with pytest.raises(BadInput, match="measurement 8 repeats 1, but has other joints") as error:
+        read_run(file)
+    assert error.value.line == 10
+    assert error.value.found == "joint 3 differs by 30 deg"
 
 
 def test_a_run_carries_the_repeats_out_and_knows_them(tmp_path: Path) -> None:

@@ -129,6 +129,7 @@ EXACT = (
     "0.5",
     "1.6",
     "0.0008",
+    "2.356",
 )
 
 
@@ -141,6 +142,8 @@ def test_a_rounded_angle_of_a_urdf_is_said_with_the_value_that_is_meant(angle: s
     assert said.startswith(f"robot arm: arm.urdf, pitch of joint 'j1' (line 3): {angle.strip('-')} rad is ")
     assert ROUNDED[angle] in said
     assert robot.doubts == (said,)
+    # One of four decimals that is no rounding of pi / 2 is a doubt alone.
+    assert robot.rounded == (() if angle == "1.5705" else (said,))
 
 
 @pytest.mark.parametrize("angle", EXACT)
@@ -171,6 +174,7 @@ def test_a_rounded_urdf_is_said_of_its_rows_and_by_every_run_and_plan(tmp_path: 
         read = [zb.read_run(run), zb.read_plan(plan)]
         content = content_of_chain("arm", "abb", UrdfChain(path, "l0", "l3"))
     (said,) = robot.doubts
+    assert robot.rounded == robot.doubts
     assert "roll of joint 'j1' (line 3), roll of joint 'j2' (line 4): 1.57 rad" in said
     assert all(said in each.warnings for each in read)
     assert any("° meant?" in doubt for doubt in doubts(RobotFile.model_validate(content)))
