@@ -244,9 +244,9 @@ class _Reader:
         beside = dict(self._beside_right_angles(base, tip))
         doubtful = (*too_long(origins, "metres in a URDF"), *beside)
         warn_of(self.name, doubtful)
-        said = {doubt: f"robot {self.name}: {doubt}" for doubt in doubtful}
-        rounded = tuple(said[doubt] for doubt, value in beside.items() if is_rounded(value))
-        return Robot(self.name, tuple(joints), pending, doubts=tuple(said.values()), rounded=rounded)
+        doubts = {doubt: f"robot {self.name}: {doubt}" for doubt in doubtful}
+        rounded = tuple(doubts[doubt] for doubt, value in beside.items() if is_rounded(value))
+        return Robot(self.name, tuple(joints), pending, doubts=tuple(doubts.values()), rounded=rounded)
 
     def _beside_right_angles(self, base: str, tip: str) -> Iterator[tuple[str, float]]:
         """A sentence on each angle that seems a rounded right angle, with all of the chain that have it, and
