@@ -132,12 +132,12 @@ class PlanMaking(FileModel):
     facing: (
         Annotated[Vector, with_length("the normal of the face", "any vector but zero, or null")] | None
     ) = Field(
-        default=PlanOptions.facing,
+        default=(0.0, 0.0, 1.0),
         description="outward normal of the target's face, base frame, any length; null: any side",
     )
     acceptance_deg: Annotated[AcceptanceDeg, Field(gt=0, le=90)] = PlanOptions.acceptance_deg
     beam_mm: Annotated[tuple[float, float], BeforeValidator(_pair)] = Field(
-        default=PlanOptions.beam_mm, description="shortest and longest beam, millimetres"
+        default=(200.0, 2000.0), description="shortest and longest beam, millimetres"
     )
     margin_deg: MarginDeg = PlanOptions.margin_deg
 
