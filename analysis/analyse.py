@@ -29,6 +29,7 @@ from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import Explanation, diagnose
 from .diagnostics.hold_out import HoldOut, hold_out, placement_result
 from .diagnostics.influence import shot_results
+from .diagnostics.null_motion import motion_of_run
 from .diagnostics.outliers import robust_result
 from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from .diagnostics.scene_data import scene
@@ -220,6 +221,7 @@ def _analyse(
         hold_out=held_out_fit,
         placements=placed,
         scene=scene(solution),
+        null_motion=motion_of_run(solution),
         misfit=solution.misfit,
         findings=findings(solution, posterior, shots, robust, held_out_fit, run.warnings),
         inputs=_inputs(run, problem, seed),

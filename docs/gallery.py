@@ -51,10 +51,11 @@ COMMANDS = (
     "study patterns --json -o patterns",
 )
 REPORTS = ("good", "x-pattern", "misfit", "uncalibrated")
+FIGURES = {"misfit": "misses", "x-pattern": "null_motion"}
 # What the page of the gallery may link to; the report of a demo has its folder's name.
 PAGES = (
     *(f"{name}/report.{kind}" for name in REPORTS for kind in ("html", "pdf")),
-    *(f"{name}/figures/{'misses' if name == 'misfit' else 'offsets'}.svg" for name in REPORTS),
+    *(f"{name}/figures/{FIGURES.get(name, 'offsets')}.svg" for name in REPORTS),
     "instruments/figures/instruments.svg",
     "compare/figures/runs.svg",
     "table2/figures/scatter.svg",

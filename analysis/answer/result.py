@@ -22,6 +22,7 @@ from ..diagnostics.budget import Budget
 from ..diagnostics.diagnosis import Explanation
 from ..diagnostics.hold_out import HoldOut, PlacementResult
 from ..diagnostics.influence import ShotResult
+from ..diagnostics.null_motion import NullSpaceMotion
 from ..diagnostics.outliers import Robust
 from ..diagnostics.predicted_run import PredictedRun
 from ..diagnostics.scene_data import RunScene
@@ -335,6 +336,20 @@ class Result:
             " shown at their prior means"
         ),
     ]
+    null_motion: Annotated[
+        NullSpaceMotion | None,
+        it(
+            "of a degenerate run a motion of arm and targets that leaves the readings as they are, for its"
+            " picture; null where there is none. No place in it is an estimate. `offset` differs by `amount`"
+            " (`unit`) at either end, and what is `moved` with it; `drawn`: how many times larger the frames"
+            " show it; `off_mm` and `noise_share`: how far readings are from what was read at the ends, mm,"
+            " and root of the sum of squared normalised residuals; `direction`: which of the null space;"
+            " `targets`: names; `shots`: numbers of what is drawn, each `like` a `measurement` or `posture`;"
+            " `frames`: `share` (−1 and 1 at the ends), places of `targets`, `postures` and `new` ones:"
+            " `links` and `beam_to` as in `scene`, `mark` (a point beside the flange), `sights`, `off_mm`;"
+            " `new`: postures that end it: `like` which number, `joints` in `units`, `off_mm` at the ends"
+        ),
+    ] = None
     misfit: Annotated[Misfit | None, it("null, or why the model does not describe the measurements")]
     diagnosis: Annotated[
         tuple[Explanation, ...],
@@ -461,6 +476,8 @@ class Result:
             )
         if self.placements is not None and self.placements.jackknife is not None:
             self._refuse(unknown & {row.name for row in self.placements.jackknife.offsets}, "a jackknife")
+        if self.null_motion is not None and self.null_motion.offset not in unknown:
+            raise UnsoundResult(f"{self.null_motion.offset} is determined, yet a motion shows it as open")
         if self.scene is not None:
             self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
 

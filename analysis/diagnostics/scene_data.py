@@ -6,7 +6,7 @@ at its prior mean, and a target that they leave open has no place.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ import scipy
 
 from ...model.arrays import Index, Matrix
 from ...model.instruments.kind import PartRead
+from ...model.likelihood.problem import Problem
 from ..solution import Solution
 
 Point = tuple[float, float, float]
@@ -77,46 +78,21 @@ def scene(solution: Solution) -> RunScene | None:
     """The scene of a fit, None if it did not converge. Of more than 60 shots 60, evenly over the run."""
     if not solution.converged:
         return None
-    problem, x = solution.problem, _drawn(solution)
-    parts = problem.split(x)
+    problem, x = solution.problem, drawn_parameters(solution)
+    targets = problem.split(x).targets
     chosen = np.unique(np.linspace(0, problem.shots - 1, MOST_SHOTS).round().astype(np.int64))
-    (points,) = problem.functions.kernel("skeleton")(problem.joints[chosen], parts.arm)
-    poses = problem.poses(x, problem.joints[chosen])
     undetermined = _undetermined(solution)
     shots: list[SceneShot] = []
     touched: dict[str, tuple[PartRead, Matrix, list[Matrix]]] = {}
-    for row, i in enumerate(chosen.tolist()):
-        name = problem.targets[problem.target_index[i]]
-        target = parts.targets[problem.target_index[i]]
-        links = tuple(_point(joint_position) for joint_position in points[row].T)
-        read = list(problem.tool.read_at(problem.readings[i]))
-        tips = [
-            part.instrument.on_flange(poses[row], parts.tool[part.unknowns], part.variant) for part in read
-        ]
-        beam_to, ahead = None, True
-        for part, tip in zip(read, tips, strict=True):
-            if part.instrument.beam:
-                direction = part.instrument.direction_at(poses[row], parts.tool[part.unknowns])
-                length = float((target - tip) @ direction)
-                ahead = length >= 0
-                end = tip + (length if ahead else float(np.linalg.norm(target - tip))) * direction
-                beam_to = _point(end)
-        shots.append(
-            SceneShot(
-                problem.shot_numbers[i],
-                name,
-                (*links, _point(tips[0])),
-                beam_to,
-                ahead,
-                tuple(_sights(read, poses[row], target, parts.tool, name, undetermined)),
-            )
-        )
+    for i, (shot, read, tips) in zip(chosen, drawn_shots(problem, x, chosen, undetermined), strict=True):
+        shots.append(shot)
         reads_target = next(
             (k for k, part in enumerate(read) if part.instrument.target_is != "nothing"), None
         )
-        if reads_target is not None and name not in undetermined:
+        if reads_target is not None and shot.target not in undetermined:
             part = read[reads_target]
-            touched.setdefault(name, (part, target, []))[2].append(tips[reads_target])
+            target = targets[problem.target_index[i]]
+            touched.setdefault(shot.target, (part, target, []))[2].append(tips[reads_target])
     outlines = (
         SceneOutline(name, tuple(tuple(map(_point, line)) for line in lines))
         for name, (part, target, tips) in touched.items()
@@ -134,13 +110,48 @@ def scene(solution: Solution) -> RunScene | None:
     )
 
 
+def drawn_shots(
+    problem: Problem, x: Matrix, rows: Index, undetermined: Collection[str] = ()
+) -> Iterator[tuple[SceneShot, list[PartRead], list[Matrix]]]:
+    """The shots `rows` (M,) of a problem at x (p,), each with the parts of the instruments that read there
+    and where on the flange these are, (3,) mm; without lines to the places that are `undetermined`."""
+    parts = problem.split(x)
+    (points,) = problem.functions.kernel("skeleton")(problem.joints[rows], parts.arm)
+    poses = problem.poses(x, problem.joints[rows])
+    for row, i in enumerate(rows.tolist()):
+        name = problem.targets[problem.target_index[i]]
+        target = parts.targets[problem.target_index[i]]
+        links = tuple(_point(joint_position) for joint_position in points[row].T)
+        read = list(problem.tool.read_at(problem.readings[i]))
+        tips = [
+            part.instrument.on_flange(poses[row], parts.tool[part.unknowns], part.variant) for part in read
+        ]
+        beam_to, ahead = None, True
+        for part, tip in zip(read, tips, strict=True):
+            if part.instrument.beam:
+                direction = part.instrument.direction_at(poses[row], parts.tool[part.unknowns])
+                length = float((target - tip) @ direction)
+                ahead = length >= 0
+                end = tip + (length if ahead else float(np.linalg.norm(target - tip))) * direction
+                beam_to = _point(end)
+        shot = SceneShot(
+            problem.shot_numbers[i],
+            name,
+            (*links, _point(tips[0])),
+            beam_to,
+            ahead,
+            tuple(_sights(read, poses[row], target, parts.tool, name, undetermined)),
+        )
+        yield shot, read, tips
+
+
 def _sights(
     read: Sequence[PartRead],
     pose: Matrix,
     target: Matrix,
     unknowns: Matrix,
     name: str,
-    undetermined: set[str],
+    undetermined: Collection[str],
 ) -> Iterator[tuple[Point, Point]]:
     """Of the parts that read at a posture; none to a place that the data leave open."""
     for part in read:
@@ -161,7 +172,7 @@ def _undetermined(solution: Solution) -> set[str]:
     }
 
 
-def _drawn(solution: Solution) -> Matrix:
+def drawn_parameters(solution: Solution) -> Matrix:
     """(p,) the mode, but for offsets and tool that the data leave open: those are at their prior means, and
     all else where it would be then (the conditional mean of a normal), so that beams still meet targets."""
     fit, parameters = solution.fit, solution.problem.parameters

@@ -392,12 +392,17 @@ def check(plan: Plan) -> Check:
     return Check.of(aim_plan(plan))
 
 
+def measured_shots(check: Check) -> tuple[Problem, list[int]]:
+    """The aimed shots of a plan that give a measurement, and which of its postures they are."""
+    taken = np.flatnonzero(_taken(check.aimed.aimed, check.violations))
+    return check.aimed.aimed.problem.select(taken), taken.tolist()
+
+
 def carried_out(check: Check, tried: Tried) -> tuple[Matrix, tuple[int, ...]]:
     """(M, n) rad or mm: the new postures of a remedy of a plan, aimed; and of each which posture of the plan
     it is like."""
-    taken = np.flatnonzero(_taken(check.aimed.aimed, check.violations))
-    shots = check.aimed.aimed.problem.select(taken)
-    return remedies.carried_out(shots, check.aimed.x, tried, taken.tolist()).joints, tried.postures
+    shots, numbers = measured_shots(check)
+    return remedies.carried_out(shots, check.aimed.x, tried, numbers).joints, tried.postures
 
 
 def without_posture(

@@ -15,7 +15,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from ..style.blocks import Page, Table
-from ..style.canvas import Picture, themed
+from ..style.canvas import MovingPicture, Picture, themed
 from ..style.palette import css_variables
 from ..style.typeface import FAMILY, Cut, font_file
 
@@ -129,14 +129,19 @@ def html(
     return template("page.html.j2").render(
         view=page,
         kind=kind,
-        pictures={
-            name: {"picture": picture, "svg": Markup(themed(picture.svg))}
-            for name, picture in pictures.items()
-        },
+        pictures={name: {"picture": picture, **_drawn(picture)} for name, picture in pictures.items()},
         css=_css(turnable),
         turnable=turnable,
         attachment=base64.b64encode(data).decode() if 0 < len(data) < LARGEST_ATTACHMENT else None,
     )
+
+
+def _drawn(picture: Picture) -> dict[str, Markup | list[Markup]]:
+    """A figure as SVG in the palette's variables; one that moves as its panels."""
+    if not isinstance(picture, MovingPicture):
+        return {"svg": Markup(themed(picture.svg)), "moving": []}
+    moving, stills = ([Markup(themed(svg)) for svg in each] for each in (picture.moving, picture.stills))
+    return {"moving": moving, "stills": stills}
 
 
 def scene_html(title: str, turnable: Turnable) -> str:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...analysis.diagnostics.null_motion import motion_of_plan
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
@@ -27,6 +28,7 @@ from ...words.plan_catalogue import planned_anew
 from ...words.plan_words import check_notes
 from ...words.wording import again_words, clipped, counted, label, listed, sentence, shown
 from ..output.html import Turnable, html
+from ..run.null_motion_section import motion_picture, motion_section
 from ..run.outlook_section import outlook_blocks
 from ..run.parameter_section import legend, reasons
 from ..run.unobservable import direction_words, tolerance_only
@@ -127,8 +129,12 @@ _ABOUT_COPIES = (
 def plan_page(aimed: AimedPlan, check: Check) -> str:
     """The page as HTML: one file, no network. `check` is the judgement of the same aimed plan."""
     postures = postures_of(aimed)
-    page = _page(aimed.plan, check, postures)
-    return html(page, {}, "plan", turnable=plan_turnable(aimed, postures))
+    motion, directions = motion_of_plan(check), check.identifiability.null_space
+    why = motion_section(motion, directions, len(postures.joints))
+    page = _page(aimed.plan, check, postures, why)
+    picture = motion_picture(motion, directions, len(postures.joints))
+    pictures = {} if picture is None else {picture.name: picture}
+    return html(page, pictures, "plan", turnable=plan_turnable(aimed, postures))
 
 
 def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
@@ -153,7 +159,7 @@ def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
     )
 
 
-def _page(plan: Plan, check: Check, postures: Postures) -> Page:
+def _page(plan: Plan, check: Check, postures: Postures, why: Section | None) -> Page:
     inputs, facts = check.inputs, check.identifiability
     targets = [clipped(name, 24) for name in plan.target_names]
     header = plan.header.model_dump(mode="json", include={"tolerance"})
@@ -167,6 +173,7 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
         verdict=verdict_on(check),
         notes=[*map(sentence, check_notes(check)), *check_lines(check), *outlook_lines(check)],
         sections=[
+            *([] if why is None else [why]),
             section_of("", SceneBlock()),
             section_of(
                 "Predicted uncertainties",

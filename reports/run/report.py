@@ -25,6 +25,7 @@ from .fit_section import (
 from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
 from .next_steps_section import next_steps_section
+from .null_motion_section import null_motion_picture_of, null_motion_section
 from .outlook_section import outlook_section
 from .parameter_section import offsets_picture, offsets_section, rehearsal_section
 from .placement_section import placements_picture, placements_section
@@ -44,6 +45,7 @@ def report_page(result: Result) -> Page:
     inputs, wrong = result.inputs, result.misfit is not None  # what follows from a wrong model is not shown
     sections = [
         diagnosis_section(result),
+        null_motion_section(result),
         offsets_section(result),
         next_steps_section(result),
         outlook_section(result),
@@ -83,6 +85,7 @@ def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
     drawn = (
         offsets_picture(result) if result.misfit is None else None,
         ladder_picture(result) if result.misfit is None else None,
+        null_motion_picture_of(result),
         workspace_picture(result),
         posterior_picture(result, draws),
         residuals_picture(result),

@@ -42,6 +42,15 @@ class Picture:
     svg: str
 
 
+@dataclass(frozen=True)
+class MovingPicture(Picture):
+    """A figure of panels that move on a screen: `moving` they are, each a whole SVG document, and `stills`
+    are shown instead where motion is not wanted; `svg` has these side by side."""
+
+    stills: tuple[str, ...] = ()
+    moving: tuple[str, ...] = ()
+
+
 @contextlib.contextmanager
 def style() -> Iterator[None]:
     """matplotlib's settings for all figures, in force while a figure is made and written."""
