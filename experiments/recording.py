@@ -26,7 +26,7 @@ from ..words.wording import listed
 from .acceptance_files import offsets_to_enter
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Ended, Listener, RunOpened
-from .procedure.order import Adaptive, InTurn, Order, WithRepeats
+from .procedure.order import Adaptive, InTurn, OnceMore, Order, WithRepeats
 from .procedure.session import Procedure, ProcedureResult, recorded_event, state_of
 from .rigs.abb.access import Caution, ControllerAccess
 from .rigs.abb.driver import AbbRig
@@ -176,10 +176,10 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
 
 
 def _by_rig(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
-    if plan.via and (request.adaptive or request.closing):
+    if plan.via and (request.adaptive or request.closing or request.once_more):
         raise BadInput(
             "the plan states intermediate postures (via_deg), which are safe in its own order only",
-            remedy="leave out --adaptive and --closing, or the intermediate postures",
+            remedy="leave out --adaptive, --closing and --once-more, or the intermediate postures",
             file=plan.path,
         )
     rig, about = _rig(plan, request)
@@ -202,8 +202,9 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
         _require_one_reading(plan)
     if not plan.header.only_beam:
         _refuse({"--adaptive": request.adaptive or None}, _for_a_beam(plan))
-    if not plan.header.only_tools and request.closing:
-        raise BadInput(f"--closing {_for_tools(plan)}", remedy="leave --closing out")
+    if not plan.header.only_tools:
+        asked = {"--closing": request.closing or None, "--once-more": request.once_more or None}
+        _refuse(asked, _for_tools(plan))
     pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
     pendant.per_degree(answers.units)
     units = answers.units or pendant.unit
@@ -256,7 +257,12 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
     """What is no beam is led to its target by hand, or reads wherever the arm stands: no servo, no sensors;
     only the simulated rig can do that."""
     _refuse(
-        {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.adaptive or None},
+        {
+            "--cell": request.cell,
+            "--recorded": request.recording,
+            "--adaptive": request.adaptive or None,
+            "--once-more": request.once_more or None,
+        },
         _for_a_beam(plan),
     )
     if request.kind != "simulated":
@@ -306,7 +312,7 @@ def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
         repeat = max(repeat, len({shot.target for shot in plan.shots}))
     if repeat:
         order = WithRepeats(order, len(plan.postures), repeat)
-    return order, adaptive
+    return (OnceMore(order, len(plan.postures)) if request.once_more else order), adaptive
 
 
 def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | AbbRig, Provenance]:

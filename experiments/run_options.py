@@ -93,6 +93,13 @@ class RunOptions:
             most=10_000,
         ),
     ] = None
+    once_more: Annotated[
+        bool,
+        Option(
+            "With --resume: measure once more what this run has measured again: does it agree now?",
+            app=False,
+        ),
+    ] = False
     closing: Annotated[bool, Option("Measure the first posture again at the end: has the PSD moved?")] = False
     force: Annotated[
         bool,
@@ -120,6 +127,8 @@ class RunOptions:
                 "--repeat is for an adaptive run: else the plan says what is measured again",
                 remedy="add --adaptive, or make the plan with --repeat",
             )
+        if self.once_more and not self.resume:
+            raise BadInput("--once-more goes on with a run", remedy="add --resume, or leave it out")
         if self.sensors is not None and self.kind not in ("live", "abb", "manual"):
             raise BadInput(
                 "--sensors is for real sensors", remedy="add --rig abb, manual or a controller's address"

@@ -239,11 +239,29 @@ def _analyse_repeats(apart: RepeatsApart, case: RunCase) -> str | None:
 
 
 def _measure_again(change: RepeatsDiffer, case: RunCase) -> str:
+    look = f"look for what changed {_changed(change)}, and record the run again."
+    if _measured_twice(change):
+        return f"Enter nothing: {look}"
     again = measurements(change.again[0], change.again[-1])
+    how = "with the plan and the options of this run" if _planned(case) else "as further measurements"
     return (
-        f"Enter nothing yet: measure the postures of {again} once more. If they differ again, look for what"
-        f" changed {_changed(change)}, and record the run again."
+        f"Enter nothing yet: measure the postures of {again} once more, {how}. If they differ again, {look}"
     )
+
+
+def _once_more(change: RepeatsDiffer, case: RunCase) -> str | None:
+    if _measured_twice(change) or not _planned(case):
+        return None
+    return f"zerobeam run PLAN -o {case.argument} --resume --once-more"
+
+
+def _measured_twice(change: RepeatsDiffer) -> bool:
+    return len(set(change.repeated)) < len(change.repeated)
+
+
+def _planned(case: RunCase) -> bool:
+    """Whether the run was recorded by a plan: it can go on."""
+    return "plan sha256" in case.provenance and not in_no_file(case.run)
 
 
 def _changed(at: ChangeAt) -> str:
@@ -448,6 +466,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         "stop",
         _finding,
         _measure_again,
+        _once_more,
         about="measurements",
         colour="weak",
     ),

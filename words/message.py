@@ -298,6 +298,7 @@ def _values(result: Result, entered: Entered) -> tuple[EnteredValue, ...]:
                 numbers.estimate(value, k * entered.u[name], row.unit),
                 numbers.spread(k * entered.u[name], row.unit),
                 numbers.estimate(row.estimate, k * row.std, row.unit),
+                entered.status.get(name),
             )
         )
     return tuple(entries)

@@ -4,7 +4,7 @@ and a plan's outlook.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from ..analysis.observability.causes import (
@@ -549,10 +549,24 @@ def condition(powers: Sequence[DetectionPower]) -> str | None:
 
 
 _MOST_REMAINING = 3
-# What reveals wrong models, one remedy for each group.
-_REVEALS: tuple[tuple[frozenset[WrongModel], str], ...] = (
-    (_OF_THE_RUN, "measure the first postures again at the end, or more of them (--repeat)"),
-    (frozenset({"reading", "typing"}), "measure every posture twice (--repeat)"),
+_BY_ANOTHER_RUN = "record a second run and compare the two (zerobeam compare)"
+
+
+def _again(power: DetectionPower) -> str:
+    if power.again >= 1:
+        return _BY_ANOTHER_RUN
+    which = "more of the postures" if power.again else "the first postures"
+    return f"measure {which} again at the end (--repeat)"
+
+
+def _twice(power: DetectionPower) -> str:
+    return _BY_ANOTHER_RUN if power.again >= 1 else "measure every posture twice (--repeat)"
+
+
+# What reveals wrong models, one remedy for each group; what repeats show by what can still be repeated.
+_REVEALS: tuple[tuple[frozenset[WrongModel], str | Callable[[DetectionPower], str]], ...] = (
+    (_OF_THE_RUN, _again),
+    (frozenset({"reading", "typing"}), _twice),
     (frozenset({"backlash"}), "come to every posture from the same side"),
     (frozenset({"noise"}), "state the noise as it is, or have it estimated (noise: {scale: estimated})"),
     (frozenset({"arm"}), "measure more postures, or state how far the arm may deviate (geometry)"),
@@ -568,7 +582,8 @@ def remaining(powers: Sequence[DetectionPower]) -> list[str]:
         rows = [each for each in powers if each.dangerous and each.wrong in wrong and harm(each) > 0]
         if rows:
             worst = max(rows, key=harm)
-            sentences.append((harm(worst), _hidden_words(worst, remedy)))
+            reveals = remedy if isinstance(remedy, str) else remedy(worst)
+            sentences.append((harm(worst), _hidden_words(worst, reveals)))
     return [text for _, text in sorted(sentences, key=lambda one: -one[0])][:_MOST_REMAINING]
 
 

@@ -47,8 +47,13 @@ def remedy_words(row: OutlookRow, now: OutlookRow, units: Mapping[str, str]) -> 
         _largest(row, now, units),
         numbers.or_words(row.tcp_median_mm, _OPEN, "mm", 2),
         numbers.or_words(row.tcp_95_mm, _OPEN, "mm", 2),
-        f"{row.minutes:.0f} min" if row.minutes else "—",
+        _minutes(row.minutes) if row.minutes else "—",
     )
+
+
+def _minutes(minutes: float) -> str:
+    """Of a rig in memory they are seconds."""
+    return "< 1 min" if minutes < 1 else f"{minutes:.0f} min"
 
 
 def _remedy(row: OutlookRow) -> str:

@@ -37,7 +37,7 @@ from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterResult, ParameterTable
-from ..status import UNVALIDATED, Verdict, as_grave, has_numbers, verdict_of
+from ..status import UNVALIDATED, Status, Verdict, as_grave, has_numbers, verdict_of
 from ..tcp_region import TcpRegion
 from .answer_message import Message
 from .findings import Finding
@@ -496,12 +496,14 @@ class Result:
 @record
 class EnteredValue:
     """What is to be entered of a joint: its `value` and expanded uncertainty U, and the `estimate` of
-    the arm's offset, rounded, with units; `estimate` is None in results of earlier versions."""
+    the arm's offset, rounded, with units, and the `status` of the value; `estimate` and `status` are None in
+    results of earlier versions."""
 
     name: str
     value: str
     expanded_u: str
     estimate: str | None = None
+    status: Status | None = None
 
 
 @record

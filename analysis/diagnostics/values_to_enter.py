@@ -23,7 +23,7 @@ left.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Literal, NamedTuple
 
@@ -34,7 +34,7 @@ from ...model.files.header import StatedRequirement
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
 from ..solution import Solution
-from ..status import known
+from ..status import Status, known
 from ..tcp_positions import (
     FITTED,
     arm_covariance,
@@ -116,6 +116,13 @@ class Entered:
             "nothing entered; above 0.05 it is a caution"
         ),
     ] = None
+    status: Annotated[
+        dict[str, Status],
+        it(
+            "of each value, by the rule of the offsets: `weak` where `u` exceeds the tolerance, though the"
+            " offset itself may be identified; empty in results of earlier versions"
+        ),
+    ] = field(default_factory=dict)
 
     @property
     def doubtful(self) -> bool:
@@ -178,7 +185,7 @@ def entered(
     whole = _whole_values(solution)
     spread = TcpSpread(solution)
     if spread.undetermined:
-        nominal = Entered("nominal", values, u, None, None)
+        nominal = Entered("nominal", values, u, None, None, status=_statuses(solution, u))
         return nominal, whole and Entered("geometry", *whole, None, None), None
     problem = solution.problem
     as_it_is = spread.errors(np.zeros(problem.parameters.arm.stop))
@@ -190,11 +197,18 @@ def entered(
         worse = _share_worse(errors, as_it_is)
         with_links = Entered("geometry", *whole, before, _tcp_error(errors), worse=worse)
     best = None if fitted.by_mean is None else _tcp_error(spread.errors_at_best(fitted))
+    worse, status = _share_worse(after, as_it_is), _statuses(solution, u)
     return (
-        Entered("nominal", values, u, before, _tcp_error(after), best, _share_worse(after, as_it_is)),
+        Entered("nominal", values, u, before, _tcp_error(after), best, worse, status),
         with_links,
         None if required is None else _conformity(after, required.tcp_mm),
     )
+
+
+def _statuses(solution: Solution, u: Mapping[str, float]) -> dict[str, Status]:
+    """Of values to enter with these u, deg (mm): each is as well known as its own u says."""
+    tolerance = solution.offset_tolerance
+    return {name: "identified" if u[name] <= tolerance[name] else "weak" for name in u}
 
 
 def judged(solution: Solution, required: StatedRequirement) -> Conformity | None:

@@ -71,10 +71,12 @@ class RunChange(Contradiction, ChangeAt):
 @record
 class RepeatsDiffer(ChangeAt):
     """The measurements `again` do not agree with those that they repeat: not so clearly that the run is
-    refuted. `p_value` is that of a difference as clear among all that is tested."""
+    refuted. `p_value` is that of a difference as clear among all that is tested; `repeated` are those that
+    they repeat."""
 
     p_value: float
     again: tuple[int, ...]
+    repeated: tuple[int, ...]
 
 
 @record
@@ -131,7 +133,8 @@ def repeats_apart(problem: Problem, whitened: Whitened) -> RepeatsApart | None:
 def repeats_differ(problem: Problem, x: Matrix) -> RepeatsDiffer | None:
     """What changed by what was measured again, at the mode x (p,): before it, halfway or steadily; None where
     nothing did, where nothing was measured again, and where the noise is not known."""
-    again = repeated(problem)
+    pairs = repeated_pairs(problem)
+    first, again = pairs.T
     if not problem.noise.known or not len(again):
         return None
     fit = Linearised(problem, x)
@@ -139,8 +142,8 @@ def repeats_differ(problem: Problem, x: Matrix) -> RepeatsDiffer | None:
     p_value = tried[0].p_value * _repeat_tests(problem) if tried else 1.0
     if p_value >= DOUBTFUL:
         return None
-    numbers = tuple(problem.shot_numbers[i] for i in again)
-    return RepeatsDiffer(**vars(tried[0].of), p_value=p_value, again=numbers)
+    firsts, numbers = (tuple(problem.shot_numbers[i] for i in places) for places in (first, again))
+    return RepeatsDiffer(**vars(tried[0].of), p_value=p_value, again=numbers, repeated=firsts)
 
 
 def repeat_limit(problem: Problem, rank: int = 1) -> float:

@@ -26,7 +26,7 @@ from ..status import LACK_OF_FIT, Status, known
 from ..tcp_positions import default_point, moving_by_nominal, tool_point, undetermined_offsets
 from ..tcp_region import region_postures
 from .biases import Biases, revolute, tool_items
-from .changes import FEWEST, change_limit, repeat_limit
+from .changes import FEWEST, change_limit, repeat_limit, repeated
 from .identifiability import Identified
 
 WrongModel = Literal[
@@ -118,6 +118,7 @@ class DetectionPower:
     ] = None
 
     hidden_joint: Annotated[int | None, it("its joint, from 1, else null")] = None
+    again: Annotated[float, it("the share of the postures that are measured again at the end")] = 0.0
 
     @property
     def noticed(self) -> bool:
@@ -143,7 +144,11 @@ def powers(problem: Problem, x: Matrix, identified: Identified) -> tuple[Detecti
     None where the noise is estimated, or no number is left: nothing is tested then, and nothing noticed.
     """
     every = _Powers.of(problem, x, identified)
-    return () if every is None else tuple(every.rows())
+    if every is None:
+        return ()
+    repeats = len(repeated(problem))
+    again = repeats / (problem.shots - repeats)
+    return tuple(replace(row, again=again) for row in every.rows())
 
 
 def halves(problem: Problem, x: Matrix) -> tuple[Index, Index]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -20,6 +21,7 @@ from ...model.files.plan import Plan, first_in_turn
 from ...model.files.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED
 from ...model.files.shot import Shot
 from ...model.likelihood.problem import Problem
+from ...words import numbers
 
 _STARTS = 8
 _LOWERED = 0.98  # of its std: what all postures that are left lower by less they do not lower
@@ -37,6 +39,9 @@ class Order(Protocol):
         Decided from what is recorded, and from which postures were refused, alone.
         """
         ...
+
+
+TWICE = 2  # beside the first time, where `--once-more` asks for it
 
 
 class InTurn:
@@ -71,6 +76,29 @@ class WithRepeats:
         again = first_in_turn([shot.met_target for shot in first], self._repeat)
         numbers = [first[row].shot + self._count for row in again]
         return next((number for number in numbers if number not in done), None)
+
+
+class OnceMore:
+    """What `order` asks for, and in the end each posture once more that was measured again, once or by the
+    order. The number of such a measurement is that of the posture and a multiple of `count`, the plan's."""
+
+    def __init__(self, order: Order, count: int) -> None:
+        self._order, self._count = order, count
+
+    def following(
+        self, recorded: Sequence[Shot], refused: Collection[int], state: Solution | None
+    ) -> int | None:
+        number = self._order.following(recorded, refused, state)
+        if number is not None:
+            return number
+        done = {shot.shot for shot in recorded}
+        again = [shot.again for shot in recorded if shot.again is not None]
+        for posture in dict.fromkeys(again):
+            if again.count(posture) < TWICE:
+                number = next(n for n in itertools.count(posture + self._count, self._count) if n not in done)
+                if number not in refused:
+                    return number
+        return None
 
 
 @dataclass(eq=False)
@@ -124,7 +152,10 @@ class Adaptive:
             return left[0]
         # Without a number to spare nothing could contradict it.
         if state.worst is not None and state.dof > 0 and self._wide(state) <= self.tolerance:
-            self.reason = f"the largest standard uncertainty is {state.worst:.3g}, within {self.tolerance:g}"
+            self.reason = (
+                f"the largest standard uncertainty is {self._worded(state.worst)}, within"
+                f" {self._worded(self.tolerance)}"
+            )
             return None
         required = self.plan.header.required
         if required is not None and state.dof > 0:
@@ -138,11 +169,16 @@ class Adaptive:
         hours = _seconds_each(recorded) / 3600
         if self.gain is not None and state.worst is not None and state.dof > 0 and gain / hours < self.gain:
             self.reason = (
-                f"the next measurement lowers U by {gain / hours:.2g} an hour at the most, less than"
-                f" {self.gain:g}"
+                f"the next measurement lowers U by {self._worded(gain / hours)} an hour at the most, less"
+                f" than {self._worded(self.gain)}"
             )
             return None
         return best
+
+    def _worded(self, uncertainty: float) -> str:
+        """With the unit of the offsets, if they have one."""
+        units = {item.unit for item in self._problem.parameters.items if item.group == "offset"}
+        return numbers.significant(uncertainty, 2, units.pop() if len(units) == 1 else "")
 
     def _wide(self, state: Solution) -> float:
         """The largest std of an offset that is more than assumed; where the noise is estimated from few

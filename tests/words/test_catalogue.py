@@ -185,7 +185,9 @@ OF_RUNS: dict[type | str, Callable[[], Result]] = {
     OtherBasins: lambda: passed(OtherBasins(2)),
     ExactDoubted: lambda: passed(ExactDoubted(0.005, 0.4, 0.5, 0.05)),
     HeldOutMisfit: lambda: passed(HeldOutMisfit(("psd",), 0.4, 3.0, run="second.jsonl")),
-    RepeatsDiffer: lambda: passed(RepeatsDiffer("jump", 4, None, 8, 9, 0.05, 0.01, "deg", 0.003, (9, 10))),
+    RepeatsDiffer: lambda: passed(
+        RepeatsDiffer("jump", 4, None, 8, 9, 0.05, 0.01, "deg", 0.003, (9, 10), (0, 1))
+    ),
     Outlying: lambda: passed(Outlying((3,), robust=False)),
     HoldOut: lambda: passed(
         placements=replace(analysed().result.placements, leave_one_out=LeaveOneOut((OFF,), 2.0, 0.1))

@@ -12,6 +12,8 @@ import zerobeam as zb
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.values_to_enter import Conformity, Entered, TcpError
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.reports.run.next_steps_section import next_steps_section
+from zerobeam.reports.style.blocks import Table
 from zerobeam.words import numbers
 from zerobeam.words.enter import (
     NO_REQUIREMENT,
@@ -41,6 +43,21 @@ def values(before: TcpError | None = BEFORE, after: TcpError | None = AFTER) -> 
     u = dict.fromkeys(NAMES, 0.021)
     entered = Entered("nominal", dict.fromkeys(NAMES, 0.5), u, before, after)
     return replace(passed(), entered=entered, entered_geometry=None)
+
+
+def test_a_value_has_the_status_of_its_own_u() -> None:
+    """An offset may be identified and the value to enter weak: it makes up for links too."""
+    entered, within = passed().entered, zb.read_run(demo_runs()[0].path).header.tolerance.offset_deg
+    assert entered is not None
+    assert entered.status == {name: "identified" if u <= within else "weak" for name, u in entered.u.items()}
+    (weak,) = (name for name, status in entered.status.items() if status == "weak")
+    assert passed().parameters.named(weak).status == "identified"
+    advice = next_steps(passed(), message(passed()))
+    assert {row.name: row.status for row in advice.enter} == entered.status
+    section = next_steps_section(passed())
+    assert section is not None
+    (table,) = (block for block in section.blocks if isinstance(block, Table))
+    assert [row.cells[3].mark for row in table.rows] == [row.status for row in advice.enter]
 
 
 @pytest.mark.long

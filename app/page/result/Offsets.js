@@ -15,8 +15,8 @@ export function Enter({ found, simulated }) {
   return html`
     <div class="scroll" tabindex="0" role="region" aria-label="Values to enter"><table class="enter">
       <caption>${simulated && html`<strong class="simulated">SIMULATED</strong> `}Values to enter: corrected reading = recorded position + value</caption>
-      <thead><tr><th scope="col">joint</th><th scope="col" class="right">to enter</th><th scope="col" class="right">U</th><th scope="col" class="right">offset of the arm</th></tr></thead>
-      <tbody>${next.enter.map((row) => html`<tr key=${row.name} data-enter=${row.name}><th scope="row">${named(row.name)}</th><td class="right copy">${row.value}</td><td class="right">${row.expanded_u}</td><td class="right">${row.estimate ?? ""}</td></tr>`)}</tbody>
+      <thead><tr><th scope="col">joint</th><th scope="col" class="right">to enter</th><th scope="col" class="right">U</th><th scope="col">status</th><th scope="col" class="right">offset of the arm</th></tr></thead>
+      <tbody>${next.enter.map((row) => html`<tr key=${row.name} data-enter=${row.name}><th scope="row">${named(row.name)}</th><td class="right copy">${row.value}</td><td class="right">${row.expanded_u}</td><td>${row.status ? marked(row.status) : ""}</td><td class="right">${row.estimate ?? ""}</td></tr>`)}</tbody>
     </table></div>`;
 }
 

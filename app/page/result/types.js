@@ -8,7 +8,7 @@
  *   interval95: [number, number] | null, prior_std: number | null, reason: string | null}} ParameterRow
  * @typedef {ParameterRow & {before: ParameterRow}} RefitRow
  * @typedef {{shot: number, target: string, whitened: number, leave_one_out: number | null, cooks: number | null}} ShotRow
- * @typedef {{enter: {name: string, value: string, expanded_u: string, estimate?: string | null}[], steps: {text: string, commands: string[]}[]}} NextSteps
+ * @typedef {{enter: {name: string, value: string, expanded_u: string, estimate?: string | null, status?: string | null}[], steps: {text: string, commands: string[]}[]}} NextSteps
  */
 /**
  * A result, or an analysis of which no report was written (`file` is "").

@@ -14,22 +14,28 @@ from ....model.files.plan import Plan
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
 from ....words import spreadsheet
+from ....words.wording import again_words
 from ..format_options import ProgramMotion
 from ..maker import one_line
 from ..plan_programs import head_lines, rounded
 
 
 def csv_table(plan: Plan, motion: ProgramMotion) -> str:
-    """Columns `posture`, `target`, then the joints by name in the pendant's order; `posture` is empty for an
-    intermediate one."""
+    """Columns `posture`, `target`, of a plan with repeats `again` (the posture that is repeated), then the
+    joints by name in the pendant's order; all but these are empty for an intermediate one."""
     robot, pendant = plan.robot, pendant_of(plan.robot, motion.j3)
     names = [f"{one_line(robot.joints[i].name)}_{pendant.units[i]}" for i in pendant.order]
+    again = [plan.repeated_by(i) for i in range(len(plan.postures))]
     rows: list[dict[str, object]] = []
     for i, posture in enumerate(plan.postures):
         way = rounded(pendant.shown(np.array([*plan.via_of(i), posture]) * robot.display))
-        texts = [("", "")] * (len(way) - 1) + [(str(i), one_line(plan.called[i]))]
-        for (number, target), row in zip(texts, way, strict=True):
-            rows.append({"posture": number, "target": target, **dict(zip(names, row, strict=True))})
+        measured = {"posture": str(i), "target": one_line(plan.called[i])}
+        if any(repeated is not None for repeated in again):
+            measured["again"] = "" if again[i] is None else str(again[i])
+        between = dict.fromkeys(measured, "")
+        for row in way[:-1]:
+            rows.append({**between, **dict(zip(names, row, strict=True))})
+        rows.append({**measured, **dict(zip(names, way[-1], strict=True))})
     return spreadsheet.csv_text(rows)
 
 
@@ -47,7 +53,8 @@ def ros_trajectories(plan: Plan, motion: ProgramMotion) -> str:
     for i, posture in enumerate(plan.postures):
         rows = [*plan.via_of(i), posture]
         document = _document(robot, before, rows, motion.speed)
-        documents.append(f"# posture {i}, target {json.dumps(plan.called[i])}\n{document}")
+        target = f"target {json.dumps(plan.called[i])}{again_words(plan.repeated_by(i))}"
+        documents.append(f"# posture {i}, {target}\n{document}")
         before = posture
     head = [
         *head_lines(plan, replace(motion, j3="link"), None),

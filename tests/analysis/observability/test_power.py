@@ -153,6 +153,16 @@ def test_three_cautions_at_most_the_most_harmful_first() -> None:
         "If the noise may be 0.3° the stated",
     ]
     assert "measure the first postures again at the end" in texts[1]
+    # Said is what can still be repeated.
+    for again, reading, changed in (
+        (0.3, "measure every posture twice (--repeat)", "measure more of the postures again at the end"),
+        (1.0, "record a second run and compare the two", "record a second run and compare the two"),
+    ):
+        texts = remaining([replace(row, again=again) for row in rows])
+        assert reading in texts[0]
+        assert changed in texts[1]
+        assert ("--repeat" in "".join(texts)) == (again < 1)
+    texts = remaining(rows)
     noise = DetectionPower("noise", 3.0, "1", 0.1, 5.0, None, 0.5, 4.0, 4.0, 0.1, 0.5)
     (text,) = remaining([noise])
     assert text.startswith(

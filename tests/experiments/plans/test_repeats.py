@@ -20,11 +20,16 @@ from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.changes import RepeatsApart, repeated, repeats_differ
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.analysis.observability.power import powers
+from zerobeam.analysis.solution import Solution
+from zerobeam.experiments.makers.generic.csv_file import CsvLayout, import_csv
+from zerobeam.experiments.makers.import_jobs import ImportJob
+from zerobeam.experiments.makers.plan_programs import ProgramMotion, program_texts
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, first_in_turn, read_plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.message import message_so_far
 from zerobeam.words.misfit_words import cause_sentence
 
 TARGET = np.array([900.0, 0.0, 0.0])
@@ -48,6 +53,23 @@ def test_a_plan_ends_with_its_first_postures_again(kind: str, tmp_path: Path) ->
     assert all(row.strip().startswith("- [") for row in rows[:7])
     assert all("again:" in row for row in rows[7:])
     assert len(made(kind=kind, repeat=0).shots) == 7
+
+
+def test_a_table_and_trajectories_name_repeats_and_are_read_back(tmp_path: Path) -> None:
+    plan = made(tmp_path / "plan.yaml", repeat=2)
+    text = program_texts("csv", plan, ProgramMotion(), tmp_path / "plan.csv")[tmp_path / "plan.csv"]
+    heads, *rows = (line.split(",") for line in text.splitlines())
+    assert heads[:3] == ["posture", "target", "again"]
+    assert [row[2] for row in rows] == [""] * 7 + ["0", "1"]
+    measured = [[*row[:3], *(f"{float(value) + 0.013:.4f}" for value in row[3:])] for row in rows]
+    (tmp_path / "measured.csv").write_text("\n".join(map(",".join, [heads, *measured])) + "\n")
+    job = ImportJob.begin([tmp_path / "measured.csv"], plan, tmp_path / "run.jsonl")
+    layout = CsvLayout("deg", header_row=True, columns=tuple(heads[3:]), target_column="target")
+    assert [shot.target for shot in import_csv(job, layout).shots] == ["psd"] * 9
+    (new,) = program_texts("csv", made(repeat=0), ProgramMotion(), tmp_path / "new.csv").values()
+    assert "again" not in new.splitlines()[0]
+    (ros,) = program_texts("ros", plan, ProgramMotion(), tmp_path / "plan.yaml").values()
+    assert '# posture 8, target "psd", posture 1 again\n' in ros
 
 
 def test_of_several_targets_the_first_of_each_comes_first() -> None:
@@ -123,6 +145,43 @@ def test_an_adaptive_run_ends_with_what_it_measured_first(tmp_path: Path) -> Non
     assert "--repeat is for an adaptive run" in refused.err
 
 
+def test_what_was_measured_again_is_measured_once_more(tmp_path: Path) -> None:
+    """The command of the remedy for repeats that do not agree: twice is enough, and it ends."""
+    made(tmp_path / "plan.yaml", repeat=2)
+    run = ("run", tmp_path / "plan.yaml", "--rig", "simulated", "-o", tmp_path / "run.jsonl")
+    assert zerobeam(*run).status == 0
+    for _ in range(2):
+        ended = zerobeam(*run, "--resume", "--once-more")
+        assert ended.status == 0, ended.err
+        shots = read_run(tmp_path / "run.jsonl").shots
+        assert [(shot.shot, shot.again) for shot in shots[7:]] == [(7, 0), (8, 1), (9, 0), (10, 1)]
+    assert "--once-more goes on with a run" in zerobeam(*run[:-1], tmp_path / "b", "--once-more").err
+
+
+def test_the_remedy_for_repeats_that_differ_is_that_command() -> None:
+    rng = np.random.default_rng(3)
+    plan = typical(repeat=2)
+    joints, _ = Arms.at_random(1, rng).recorded(plan.postures, TARGET, rng)
+    own = plan.header.model_copy(update={"provenance": {"plan sha256": "0"}})
+
+    def after(jump_deg: float, again: int) -> Solution:
+        """As if the zero of J4 had jumped before the repeats."""
+        rows = np.concatenate([joints[0], joints[0][7:]])[: 7 + again]
+        rows[7:, 3] += np.radians(jump_deg)
+        return solve_run(Problem.build(own, irb1600(), rows, ["psd"] * len(rows)), own)
+
+    def doubted(solution: Solution) -> bool:
+        return solution.misfit is None and repeats_differ(solution.problem, solution.fit.x) is not None
+
+    for again in (2, 4):  # once, twice
+        solution = next(one for k in range(60) if doubted(one := after(0.02 * k, again)))
+        action = message_so_far(solution, "run.jsonl", own).action
+        once = again == 2
+        assert action.command == ("zerobeam run PLAN -o run.jsonl --resume --once-more" if once else None)
+        assert ("once more" in action.text) == once
+        assert "ook for what changed the zero of" in action.text
+
+
 # What a run makes of it
 
 
@@ -194,6 +253,8 @@ def test_repeats_lower_the_risk() -> None:
         identified = identify(problem, x)
         risks.append({row.wrong: row for row in powers(problem, x, identified)})
         assert len(repeated(problem)) == len(plan.shots) - 7
+    assert {row.again for row in risks[0].values()} == {0.0}
+    assert {row.again for row in risks[1].values()} == {2 / 7}
     for wrong in ("jump", "drift", "moved"):
         assert risks[1][wrong].risk < 0.2 < 0.9 < risks[0][wrong].risk
         assert risks[1][wrong].hidden_tcp_mm < risks[0][wrong].hidden_tcp_mm / 2
