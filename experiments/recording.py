@@ -203,8 +203,8 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     if not plan.header.only_beam:
         _refuse({"--adaptive": request.adaptive or None}, _for_a_beam(plan))
     if not plan.header.only_tools:
-        asked = {"--closing": request.closing or None, "--once-more": request.once_more or None}
-        _refuse(asked, _for_tools(plan))
+        options = {"--closing": request.closing or None, "--once-more": request.once_more or None}
+        _refuse(options, _for_tools(plan))
     pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
     pendant.per_degree(answers.units)
     units = answers.units or pendant.unit
