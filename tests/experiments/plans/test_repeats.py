@@ -61,7 +61,10 @@ def test_a_table_and_trajectories_name_repeats_and_are_read_back(tmp_path: Path)
     heads, *rows = (line.split(",") for line in text.splitlines())
     assert heads[:3] == ["posture", "target", "again"]
     assert [row[2] for row in rows] == [""] * 7 + ["0", "1"]
-    measured = [[*row[:3], *(f"{float(value) + 0.013:.4f}" for value in row[3:])] for row in rows]
+    measured = [
+        [*row[:3], *(f"{float(value) + 0.01 + 0.001 * i:.4f}" for value in row[3:])]
+        for i, row in enumerate(rows)
+    ]
     (tmp_path / "measured.csv").write_text("\n".join(map(",".join, [heads, *measured])) + "\n")
     job = ImportJob.begin([tmp_path / "measured.csv"], plan, tmp_path / "run.jsonl")
     layout = CsvLayout("deg", header_row=True, columns=tuple(heads[3:]), target_column="target")
