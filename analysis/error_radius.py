@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Self
 
 import numpy as np
 import scipy
 from numpy.polynomial.chebyshev import chebpts1, chebvander
 from numpy.polynomial.legendre import leggauss
 
-from ..model.arrays import NORMAL_95, Matrix
+from ..model.arrays import NORMAL_95, Index, Matrix
 
 COVERAGE = 0.95
 _NODES = 12  # of each ratio of stds
+_LENGTHS = 80  # at which the law of a pooled length is worked out
 _ONE_SIDED = 1.6448536269514722  # 95 % of a normal
 
 
@@ -30,24 +33,68 @@ def radius95(covariance: Matrix, dof: int | None = None) -> Matrix:
     return np.asarray(first * (by_second @ _coefficients(dof) * by_third).sum(axis=1))
 
 
-def radius95_about(mean: Matrix, covariance: Matrix, dof: int | None = None) -> Matrix:
-    """(P,) as `radius95`, of an error with the mean (P, 3): about, to 3 %.
+@dataclass(frozen=True, eq=False)
+class LengthLaw:
+    """The lengths of P normal errors in three dimensions with a mean, about, to 3 %.
 
-    The square of its length is a weighted sum of noncentral chi-squared; the quantile is that of the central
-    one, shifted and scaled, with the same three moments (Pearson 1959), by Wilson and Hilferty's cube.
-    """
-    if dof is not None:
-        covariance = covariance * (scipy.special.stdtrit(dof, 0.975) / NORMAL_95) ** 2
-    once = np.einsum("pij,pj->pi", covariance, mean)
-    twice = covariance @ covariance
-    first = np.trace(covariance, axis1=1, axis2=2) + (mean**2).sum(axis=1)
-    second = np.trace(twice, axis1=1, axis2=2) + 2 * (mean * once).sum(axis=1)
-    third = np.einsum("pij,pji->p", twice, covariance) + 3 * (once**2).sum(axis=1)
-    freedom = np.divide(second**3, third**2, out=np.full(len(first), np.inf), where=third > 0)
-    share = 2 / (9 * freedom)
-    quantile = (1 - share + _ONE_SIDED * np.sqrt(share)) ** 3 - 1  # over its degrees of freedom, less 1
-    at_infinity = np.where(np.isinf(freedom), 0.0, quantile * np.sqrt(np.minimum(freedom, 1e300)))
-    return np.asarray(np.sqrt(first + np.sqrt(second) * at_infinity))
+    The square of a length is a weighted sum of noncentral chi-squared: a central one, shifted and scaled,
+    with the same three moments (Pearson 1959): its mean is `first` (P,), its variance 2 `second`, `freedom`
+    its degrees of freedom; by Wilson and Hilferty's cube."""
+
+    first: Matrix
+    second: Matrix
+    freedom: Matrix
+
+    @classmethod
+    def about(cls, mean: Matrix, covariance: Matrix, dof: int | None = None) -> Self:
+        """Of errors with the mean (P, 3) and covariance (P, 3, 3), or of Student's t with `dof`."""
+        if dof is not None:
+            covariance = covariance * (scipy.special.stdtrit(dof, 0.975) / NORMAL_95) ** 2
+        once = np.einsum("pij,pj->pi", covariance, mean)
+        twice = covariance @ covariance
+        first = np.trace(covariance, axis1=1, axis2=2) + (mean**2).sum(axis=1)
+        second = np.trace(twice, axis1=1, axis2=2) + 2 * (mean * once).sum(axis=1)
+        third = np.einsum("pij,pji->p", twice, covariance) + 3 * (once**2).sum(axis=1)
+        return cls(
+            first, second, np.divide(second**3, third**2, out=np.full(len(first), np.inf), where=third > 0)
+        )
+
+    def of(self, rows: slice) -> LengthLaw:
+        return LengthLaw(self.first[rows], self.second[rows], self.freedom[rows])
+
+    def quantile(self) -> Matrix:
+        """(P,) the radius of the ball that holds 95 %."""
+        share = 2 / (9 * self.freedom)
+        quantile = (1 - share + _ONE_SIDED * np.sqrt(share)) ** 3 - 1  # over its degrees of freedom, less 1
+        at_infinity = np.where(
+            np.isinf(self.freedom), 0.0, quantile * np.sqrt(np.minimum(self.freedom, 1e300))
+        )
+        return np.asarray(np.sqrt(self.first + np.sqrt(self.second) * at_infinity))
+
+    def pooled_quantile(self, groups: Index) -> Matrix:
+        """(G,) the length that 95 % of the errors of each group together stay below, `groups` (P,) from 0;
+        nan of a group without any."""
+        logs, inside = self._table
+        count = np.bincount(groups)
+        pooled = np.array([np.bincount(groups, row) for row in inside]) / np.maximum(count, 1)
+        after = (pooled < COVERAGE).sum(axis=0).clip(1, _LENGTHS - 1)
+        group = np.arange(len(count))
+        low, high = pooled[after - 1, group], pooled[after, group]
+        share = np.clip((COVERAGE - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
+        lengths = np.exp(logs[after - 1] + share * (logs[after] - logs[after - 1]))
+        return np.where(count > 0, lengths, np.nan)
+
+    @cached_property
+    def _table(self) -> tuple[Matrix, Matrix]:
+        """(L,) logarithms of lengths, and (L, P) the probability that each error is shorter."""
+        radius = self.quantile()
+        high = max(float(radius.max()), 1e-9) * (1 + 1e-9)
+        logs = np.linspace(np.log(max(float(radius.min()) / 8, high * 1e-4)), np.log(high), _LENGTHS)
+        squares = np.exp(2 * logs)[:, None]
+        share = np.maximum(2 / (9 * self.freedom), 1e-12)
+        scale = np.sqrt(np.maximum(self.second * np.minimum(self.freedom, 1e300), 1e-300))
+        normal = (np.cbrt(1 + (squares - self.first) / scale) - 1 + share) / np.sqrt(share)
+        return logs, np.where(np.isinf(self.freedom), squares >= self.first, scipy.special.ndtr(normal))
 
 
 def _eigenvalues(matrix: Matrix) -> Matrix:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..model.arrays import Matrix
 from ..model.files.stated_workspace import CENTRAL_RANGES
+from ..model.kinematics.robot import Robot
 from ..model.likelihood.problem import Problem
 from .draws import drawn_by_covariance
 from .status import Status
@@ -38,6 +39,16 @@ def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tu
     by_arm = np.ascontiguousarray(jacobian[:, :, arm].transpose(1, 2, 0))
     by_arm[:, 0] = 0.0
     return np.asfortranarray(position), by_arm.transpose(2, 0, 1)
+
+
+def beside_first_axis(robot: Robot, points: Matrix) -> Matrix:
+    """(P, 2) mm of points (P, 3): the distance from axis 1 (of a prismatic joint: from the base's z axis),
+    and the height along it."""
+    first = robot.joints[0]
+    axis, origin = np.array([0.0, 0.0, 1.0]), np.zeros(3)
+    if first.kind == "revolute":
+        axis, origin = first.fixed[:3, :3] @ first.axis, first.fixed[:3, 3]
+    return np.stack([np.linalg.norm(np.cross(points - origin, axis), axis=1), points @ axis]).T
 
 
 def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:

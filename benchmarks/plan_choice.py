@@ -25,10 +25,10 @@ from threadpoolctl import threadpool_limits
 from zerobeam.analysis.design.continuous_design import Candidates, offset_covariance, variance
 from zerobeam.analysis.design.exact_design import design
 from zerobeam.experiments.plans.candidates import CandidatePostures, candidates
-from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.arrays import Index
 from zerobeam.model.files.header import Header
+from zerobeam.model.files.plan_file import Obstacles
 from zerobeam.model.files.robot_file import load_robot
 
 SEED = 1

@@ -33,12 +33,13 @@ from ...model.errors import UnsoundResult
 from ...model.kinematics.spread import spread_postures, within_limits
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
-from ..error_radius import radius95, radius95_about
+from ..error_radius import LengthLaw, radius95
 from ..observability.causes import Cause
 from ..solution import Solution
 from ..tcp_positions import (
     TcpSource,
     arm_covariance,
+    beside_first_axis,
     default_point,
     moving_by_nominal,
     moving_offsets,
@@ -94,7 +95,8 @@ class Map:
 
     `vertical`: distance from axis 1 against height along it (of a prismatic joint 1: the base's z axis).
     `horizontal`: x against y of the base frame. `axes` names both, the one across first. `postures` and
-    `shots` count those whose TCP is there.
+    `shots` count those whose TCP is there. `before_p95_mm` and `after_p95_mm` are `TcpError.p95_mm` of the
+    postures of a cell, with nothing and with the values entered.
     """
 
     plane: Literal["vertical", "horizontal"]
@@ -106,6 +108,8 @@ class Map:
     before_mm: LevelMap
     after95_mm: LevelMap
     before95_mm: LevelMap | None = None  # earlier versions have none
+    before_p95_mm: Grid | None = None
+    after_p95_mm: Grid | None = None
 
 
 @record
@@ -133,7 +137,8 @@ class TcpAccuracy:
             "two of the region, none where no accuracy is claimed: `plane` (`vertical`, "
             "`horizontal`), `axes`, `cell_mm`, `corner_mm` (lowest corner), and grids, rows from "
             "below: `postures` and `shots` (counts), `before_mm`, `before95_mm` and `after95_mm` (each "
-            "`median` and `worst`; null where no posture falls)"
+            "`median` and `worst`), `before_p95_mm` and `after_p95_mm` (the error that 95 % of posture and "
+            "posterior together stay below); null where no posture falls"
         ),
     ]
     undetermined: Annotated[
@@ -192,8 +197,8 @@ def accuracy(
         values = values_to_enter(solution) if values is None else values
         errors = _errors(solution, point, joints, position, jacobian, values)
         whole, near = slice(len(region)), slice(len(region), len(joints) - problem.shots)
-        workspace, near_shots = _region(errors[:, whole]), _region(errors[:, near])
-        maps = _maps(problem, position[whole], position[near.stop :], errors[:, whole])
+        workspace, near_shots = _region(errors.levels[:, whole]), _region(errors.levels[:, near])
+        maps = _maps(problem, position[whole], position[near.stop :], errors.of(whole))
         shown = by_offset[:, :, whole] / parameters.display[offsets][:, None]
         sensitivity = tuple(
             map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / len(region)).tolist())
@@ -215,6 +220,20 @@ def accuracy(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """Of P postures the `levels` (5, P) mm: the error before the calibration, the std of that, the 95 %
+    radius after it, the rms, and the 95 % radius before it (see `RegionAccuracy`); the laws of the errors
+    `before` and `after`."""
+
+    levels: Matrix
+    before: LengthLaw
+    after: LengthLaw
+
+    def of(self, rows: slice) -> _Errors:
+        return _Errors(self.levels[:, rows], self.before.of(rows), self.after.of(rows))
+
+
 def _errors(
     solution: Solution,
     point: Matrix,
@@ -222,9 +241,7 @@ def _errors(
     position: Matrix,
     jacobian: Matrix,
     values: Mapping[str, float],
-) -> Matrix:
-    """(5, P) mm: before the calibration, the std of that, the 95 % radius after it, the rms, and the 95 %
-    radius before it: see `RegionAccuracy`."""
+) -> _Errors:
     problem, fit = solution.problem, solution.fit
     dof = max(solution.dof, 1) if problem.noise.estimated else None
     position_of = problem.functions.kernel("place")
@@ -236,15 +253,18 @@ def _errors(
     rms = np.sqrt(np.trace(of_point, axis1=1, axis2=2))
     # Of no length at all every direction is as good: the std of the worst is at most the rms.
     std = np.where(length > 0, np.sqrt(along) / np.where(length > 0, length, 1.0), rms)
-    before95 = radius95_about(apart, of_point, dof)
+    before = LengthLaw.about(apart, of_point, dof)
+    before95 = before.quantile()
     if not problem.geometry:
-        return np.array([length, std, radius95(of_point, dof), rms, before95])
+        after = LengthLaw.about(np.zeros_like(apart), of_point, dof)
+        return _Errors(np.array([length, std, radius95(of_point, dof), rms, before95]), before, after)
     arm = controller_arm(problem, values)
     arm[0] = 0.0
     (entered_at,) = position_of(joints, arm, point)
     left = np.asfortranarray(position - entered_at)
     rms = np.sqrt(rms**2 + (left**2).sum(axis=1))
-    return np.array([length, std, radius95_about(left, of_point, dof), rms, before95])
+    after = LengthLaw.about(left, of_point, dof)
+    return _Errors(np.array([length, std, after.quantile(), rms, before95]), before, after)
 
 
 def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:
@@ -280,23 +300,14 @@ def _region(errors: Matrix) -> RegionAccuracy:
     )
 
 
-def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: Matrix) -> tuple[Map, Map]:
+def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) -> tuple[Map, Map]:
     first = problem.robot.joints[0]
-    axis, origin, name = np.array([0.0, 0.0, 1.0]), np.zeros(3), "the base's z axis"
-    if first.kind == "revolute":
-        axis, origin, name = first.fixed[:3, :3] @ first.axis, first.fixed[:3, 3], "axis 1"
-
-    def beside_axis(points: Matrix) -> Matrix:
-        away = points - origin
-        return np.stack([np.linalg.norm(np.cross(away, axis), axis=1), points @ axis]).T
-
-    before, after, before95 = (
-        (order := np.argsort(values), values[order]) for values in (errors[0], errors[2], errors[4])
-    )
+    name = "axis 1" if first.kind == "revolute" else "the base's z axis"
     across = (f"distance from {name}", "height")
+    at, of_shots = (beside_first_axis(problem.robot, points) for points in (position, shots))
     return (
-        _map("vertical", across, beside_axis(position), beside_axis(shots), before, after, before95),
-        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], before, after, before95),
+        _map("vertical", across, at, of_shots, errors),
+        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], errors),
     )
 
 
@@ -305,12 +316,9 @@ def _map(
     axes: tuple[str, str],
     at: Matrix,
     shots: Matrix,
-    before: tuple[Index, Matrix],
-    after: tuple[Index, Matrix],
-    before95: tuple[Index, Matrix],
+    errors: _Errors,
 ) -> Map:
-    """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm; `before`, `after` and
-    `before95` are the errors in rising order: the index of the posture, and the value."""
+    """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm."""
     every = np.concatenate([at, shots])
     size = _round_up(float(np.ptp(every, axis=0).max()) / (_CELLS - 1))
     corner = np.floor(every.min(axis=0) / size)
@@ -329,16 +337,18 @@ def _map(
     filled = np.flatnonzero(count)
     end, count = np.cumsum(count)[filled], count[filled]
 
-    def levels(ranked: tuple[Index, Matrix]) -> LevelMap:
-        order, value = ranked
-        value = value[np.argsort(where[order], kind="stable")]
+    def grid(of_filled: Matrix) -> Grid:
+        numbers = np.full(rows * columns, None, dtype=object)
+        numbers[filled] = of_filled
+        return tuple(map(tuple, numbers.reshape(rows, columns).tolist()))
 
-        def grid(pick: Index) -> Grid:
-            numbers = np.full(rows * columns, None, dtype=object)
-            numbers[filled] = value[pick]
-            return tuple(map(tuple, numbers.reshape(rows, columns).tolist()))
+    def levels(values: Matrix) -> LevelMap:
+        order = np.argsort(values)
+        value = values[order][np.argsort(where[order], kind="stable")]
+        return LevelMap(grid(value[end - 1 - count // 2]), grid(value[end - 1]))
 
-        return LevelMap(grid(end - 1 - count // 2), grid(end - 1))
+    def p95(law: LengthLaw) -> Grid:
+        return grid(law.pooled_quantile(where.astype(np.int64))[filled])
 
     return Map(
         plane=plane,
@@ -347,9 +357,11 @@ def _map(
         corner_mm=(float(corner[0] * size), float(corner[1] * size)),
         postures=counted(at),
         shots=counted(shots),
-        before_mm=levels(before),
-        after95_mm=levels(after),
-        before95_mm=levels(before95),
+        before_mm=levels(errors.levels[0]),
+        after95_mm=levels(errors.levels[2]),
+        before95_mm=levels(errors.levels[4]),
+        before_p95_mm=p95(errors.before),
+        after_p95_mm=p95(errors.after),
     )
 
 

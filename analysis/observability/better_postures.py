@@ -7,8 +7,10 @@ second about what it will reach.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,7 @@ from ...model.likelihood.problem import Problem
 from ..design.continuous_design import Candidates, offset_covariance, variance
 from ..design.exact_design import exchange, values_with
 from .aim import ahead, beam_lengths, brought_to_targets, one_turn
+from .clearance import arm_in_the_way
 from .predictions import roots_with_ties
 from .remedies import Allowed
 
@@ -62,8 +65,7 @@ class PostureSearch:
     def best(self, counts: Sequence[int]) -> dict[int, PostureSet]:
         """The best postures by the A-criterion for so many measurements each; none where there are too few
         to choose from."""
-        rng = np.random.default_rng(0)
-        pool = self._drawn(rng)
+        pool, rng = self.pool, deepcopy(self._drawn_first[1])
         counts = [count for count in counts if count < len(pool.joints)]
         offsets = self._counted(pool)
         if not counts or not offsets.any():
@@ -83,6 +85,39 @@ class PostureSearch:
                 designs = [one for count in counts for one in _better_half(designs, count)]
         best = {count: _better_half(designs, count)[0] for count in counts}
         return {count: one.chosen for count, one in best.items()}
+
+    @property
+    def pool(self) -> PostureSet:
+        """Random postures that can be measured."""
+        return self._drawn_first[0]
+
+    @cached_property
+    def _drawn_first(self) -> tuple[PostureSet, np.random.Generator]:
+        rng = np.random.default_rng(0)
+        return self._drawn(rng), rng
+
+    @cached_property
+    def clear(self) -> PostureSet:
+        """Those of the pool in which the arm blocks no beam and no line of sight."""
+        shots = self.problem.select(self.pool.like).moved(self.pool.joints)
+        return self.pool.some(np.flatnonzero(~arm_in_the_way(shots, self.x, self.entries)))
+
+    def next_best(self, covariance: Matrix, error: Matrix, count: int) -> Iterator[tuple[int, float]]:
+        """One of the clear postures after the other, each the one by which a mean squared error becomes
+        smallest beside those before it: which, and the error then, tr(C E).
+
+        `covariance` C (f, f) of the scaled free parameters as they are, `error` E (f, f) the squared error by
+        them. One measurement with the root R (d, f) leaves C - C R' (1 + R C R')^-1 R C."""
+        roots, left = self.clear.roots, covariance
+        for _ in range(min(count, len(roots))):
+            gained = roots @ left
+            inner = gained @ roots.transpose(0, 2, 1) + np.eye(roots.shape[1])
+            less = np.trace(
+                np.linalg.solve(inner, gained @ error @ gained.transpose(0, 2, 1)), axis1=1, axis2=2
+            )
+            best = int(np.argmax(less))
+            left = left - gained[best].T @ np.linalg.solve(inner[best], gained[best])
+            yield best, float(np.trace(left @ error))
 
     def _drawn(self, rng: np.random.Generator) -> PostureSet:
         robot = self.problem.robot

@@ -25,6 +25,7 @@ from ...model.options import USUAL_REPEATS
 from ...model.records import it, key, record
 from ..estimation.threads import one_blas_thread
 from ..status import Status, known
+from ..tcp_positions import beside_first_axis
 from ..tcp_region import TcpRegion, region_of
 from .better_postures import PostureSearch
 from .changes import repeated
@@ -37,6 +38,7 @@ NUMBERS = (12, 20)  # of measurements that are proposed
 _MOST = 40  # measurements: with more, other postures change little
 _DETERMINED = 0.5  # of its prior: an offset of which the measurements alone leave more is not determined
 _NOTHING = 1e-6  # of a prior's information
+_NEXT = 3  # postures that are proposed one by one
 _CLOSER = 5.0  # times: what is measured of a mounting next to what is assumed
 WORTH = 0.1  # a relative gain from which a remedy is worth a row
 MOUNTING_MIN = 15.0  # minutes to measure the mounting of an instrument
@@ -95,6 +97,19 @@ class OutlookRow:
 
 
 @record
+class NextPosture:
+    """A posture by which one more measurement gains most, beside those before it."""
+
+    target: Annotated[str, it("what is measured")]
+    joints: Annotated[tuple[float, ...], it("degrees, or millimetres of a prismatic joint, aimed")]
+    tcp_mm: Annotated[tuple[float, float, float], it("where the TCP is there, base frame, millimetres")]
+    beside_axis_mm: Annotated[
+        tuple[float, float], it("its distance from axis 1 and its height along it, as in `maps`, millimetres")
+    ]
+    u_mm: Annotated[float, it("the standard uncertainty of the TCP then, root mean square over `region`")]
+
+
+@record
 class Outlook:
     """Remedies by their predicted gain."""
 
@@ -111,6 +126,17 @@ class Outlook:
     enough: Annotated[
         dict[str, float], it("by offset, the U up to which it counts as identified, degrees or millimetres")
     ] = field(default_factory=dict)
+
+    u_mm: Annotated[
+        float | None,
+        it(
+            "the standard uncertainty of the TCP now, root mean square over `region`; null without a TCP"
+            " error"
+        ),
+    ] = None
+    next_postures: Annotated[
+        tuple[NextPosture, ...], it("of a run: where one more measurement helps the TCP most, in this order")
+    ] = ()
 
     @property
     @key(
@@ -227,16 +253,47 @@ class _Remedies:
                 for item in self.of.items
                 if item.group == "offset"
             },
+            u_mm=None if now.tcp_95_mm is None else self._tcp_u(self.of.covariance),
+            next_postures=tuple(self.next_postures()),
         )
+
+    def _tcp_u(self, covariance: Matrix) -> float:
+        return float(np.sqrt(np.trace(covariance @ self.forecast.mean_square)))
+
+    def next_postures(self) -> Iterator[NextPosture]:
+        """Of a run whose TCP error is known."""
+        search, of = self.search, self.of
+        if search is None or not of.estimated or self.now.tcp_95_mm is None:
+            return
+        clear, display = search.clear, self.problem.robot.display
+        for which, square in search.next_best(of.covariance, self.forecast.mean_square, _NEXT):
+            joints = clear.joints[which]
+            at_posture = self.forecast.places(joints[None])
+            (at,) = at_posture.round(1).tolist()
+            ((away, up),) = beside_first_axis(self.problem.robot, at_posture).round(1).tolist()
+            yield NextPosture(
+                target=self.problem.targets[self.problem.target_index[clear.like[which]]],
+                joints=tuple((joints * display).round(3).tolist()),
+                tcp_mm=(at[0], at[1], at[2]),
+                beside_axis_mm=(away, up),
+                u_mm=float(np.sqrt(square)),
+            )
+
+    @cached_property
+    def search(self) -> PostureSearch | None:
+        """Of new postures; None of several instruments, whose numbers are for people to divide, and of many
+        measurements."""
+        of = self.of
+        if len(of.header.labels) > 1 or self.count > _MOST:
+            return None
+        return PostureSearch(self.problem, of.x, of.header.targets, of.prospects.allowed, of.weight)
 
     @cached_property
     def better(self) -> dict[int, Matrix]:
-        """By number of measurements the roots (N, d, f) of the best postures; nothing of several instruments,
-        whose numbers are for people to divide."""
-        count, of = self.count, self.of
-        if len(of.header.labels) > 1 or count > _MOST:
+        """By number of measurements the roots (N, d, f) of the best postures."""
+        search, count = self.search, self.count
+        if search is None:
             return {}
-        search = PostureSearch(self.problem, of.x, of.header.targets, of.prospects.allowed, of.weight)
         counts = [max(count, 2), *(each for each in NUMBERS if each > count)]
         best = search.best(counts)
         return {shots: _with_repeats(chosen.roots) for shots, chosen in best.items()}

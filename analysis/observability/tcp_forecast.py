@@ -107,6 +107,16 @@ class TcpForecast:
         return tcp, _length_quantiles(by_noise + estimates.estimates @ self._not_held.T)
 
     @cached_property
+    def mean_square(self) -> Matrix:
+        """(f, f) mm² of scaled free parameters: e' E e is the mean squared error of the TCP over the
+        region."""
+        return np.asarray(self._by_arm.T @ self._by_arm / len(self._joints))
+
+    def places(self, joints: Matrix) -> Matrix:
+        """(P, 3) mm the TCP at recorded `joints` (P, n)."""
+        return tool_point(self._problem, self._x, self._point, joints)[0]
+
+    @cached_property
     def _by_arm(self) -> Matrix:
         """(3 P, f) mm the TCP by the scaled free parameters."""
         return self._rows(self._point, self._joints)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...analysis.observability.aim import ahead, brought_to_targets, one_turn
 from ...analysis.observability.check import Condition
+from ...analysis.observability.clearance import Clearance
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
@@ -20,7 +21,6 @@ from ...model.kinematics.robot import Robot
 from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.problem import Problem
 from .constraints import Broken, Conditions, View
-from .obstacles import Clearance
 
 _BATCH = 20_000
 _MOST_DRAWN_PER_CANDIDATE = 60

@@ -13,6 +13,7 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.better_postures import usual_constraints
 from ...analysis.observability.check import Check, Condition, Violation
+from ...analysis.observability.clearance import Clearance, InTheWay, blocked_lines, ends_of_lines
 from ...analysis.observability.outlook import Prospects
 from ...analysis.observability.remedies import Allowed
 from ...model.arrays import Index, Mask, Matrix
@@ -25,7 +26,6 @@ from ...model.instruments.kind import Measurement, Target
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, by_posture
-from .obstacles import Clearance, InTheWay
 
 # A plan file has its postures to 1e-6 deg: what was chosen at a bound is still within it when read again.
 _ROUNDED_RAD = 1e-6
@@ -164,35 +164,18 @@ class Conditions:
     @cached_property
     def _ends(self) -> dict[int, Matrix]:
         """(3,) where the lines end that must be free, by the index of the target that they are to."""
-        tool = self._problem.tool
-        ends = ((k, t.numbers if tool.beam else tool.in_sight(t)) for k, t in enumerate(self._targets))
-        return {k: end for k, end in ends if end is not None}
-
-    def _to(self, rows: Index) -> Iterator[tuple[Index, Matrix]]:
-        """Which of the rows (m,) have a line to each end, and the end."""
-        for k, end in self._ends.items():
-            yield np.flatnonzero(self._problem.target_index[rows] == k), end
+        return ends_of_lines(self._problem, self._targets)
 
     def _behind_box(self, rows: Index) -> Mask:
         blocked = np.zeros(len(rows), dtype=bool)
-        for there, end in self._to(rows):
+        for k, end in self._ends.items():
+            there = np.flatnonzero(self._problem.target_index[rows] == k)
             blocked[there] = self._clearance.beam_blocked(self._origin[rows[there]], end)
         return blocked
 
     def in_the_way(self, rows: Index) -> InTheWay:
         """Which body of the arm is in the way of the beam or the line of sight of rows (m,)."""
-        count = len(rows)
-        result = InTheWay(
-            np.zeros(count, dtype=bool), np.full(count, np.inf), np.zeros(count), np.zeros(count, dtype=int)
-        )
-        for there, end in self._to(rows):
-            some = rows[there]
-            of_some = self._clearance.in_the_way(
-                self.joints[some], self._origin[some], end, beam=self._problem.tool.beam
-            )
-            for whole, part in zip(result, of_some, strict=True):
-                whole[there] = part
-        return result
+        return blocked_lines(self._clearance, self._problem, self._origin, self._targets, rows)
 
 
 def check_plan(plan: Plan, turned: AimedPlan | None = None, *, outlook: bool = True) -> Check:

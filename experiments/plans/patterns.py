@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ...analysis.estimation.levenberg_marquardt import least_squares, levenberg_marquardt
+from ...analysis.observability.clearance import Clearance
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
@@ -15,7 +16,6 @@ from ...model.instruments.registry import names_of
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
-from .obstacles import Clearance
 
 Pattern = Literal["x", "y"]
 

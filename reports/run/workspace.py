@@ -5,16 +5,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...analysis.answer.result import Result
-from ...analysis.diagnostics.accuracy import Grid, Level, Map, RegionAccuracy, TcpAccuracy
+from ...analysis.diagnostics.accuracy import Grid, Map, RegionAccuracy, TcpAccuracy
 from ...analysis.diagnostics.values_to_enter import TcpError
+from ...analysis.observability.outlook import NextPosture
 from ...words import numbers
 from ...words.enter import enter_sentence, error_words, floor_sentence
 from ...words.finding_words import accuracy_reason, tcp_words
 from ...words.region_words import region_first, region_words
-from ...words.wording import counted, label, listed, person, sentence
+from ...words.wording import clipped, counted, label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import DASHES, WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
@@ -41,6 +42,7 @@ def workspace_section(result: Result) -> Section:
         FigureBlock(NAME),
         _table(result, workspace, near),
         *map(Paragraph, filter(None, [floor_sentence(result)])),
+        _next_table(result),
         Paragraph(f"{_where(accuracy)} {_postures(result, workspace, near)}"),
     )
 
@@ -162,61 +164,66 @@ def _spread(value: float) -> str:
 
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
-# The groups of columns, and what of a cell's postures a column shows.
-_WHEN = ("nothing entered, 95 % within", "values entered, 95 % within")
-_LEVELS = ("median", "worst")
-# Inches: beside, below and between panels, above all of them.
-_LEFT, _BELOW, _BETWEEN, _APART, _RIGHT, _KEY, _HEAD = 0.62, 0.42, 0.12, 0.24, 0.12, 0.42, 0.4
-_MOST_CLASSES = 8
+# Inches: beside and below panels, above them, of the key, and the tallest panel.
+_LEFT, _BELOW, _APART, _HEAD, _KEY, _TALLEST = 0.62, 0.5, 0.95, 0.3, 1.4, 2.6
+_SEEN_FROM = {"vertical": "from the side", "horizontal": "from above"}
+_MOST_CLASSES, _MOST_STEPS = 8, 6
+_BY_STEPS = 4.0  # times the smallest value: larger ones have classes by factors
 
 
 def workspace_picture(result: Result) -> Picture | None:
-    """Two columns before and two after the calibration, a row for each plane; the darker the farther off.
-
-    Of the postures whose TCP is in a cell, the first column shows the median and the second the worst. All
-    panels have the same classes, so that they can be compared. None where no accuracy is claimed.
+    """A panel for each plane, the darker the larger the error that 95 % of a place stay below with the values
+    entered; where was measured, and where one more measurement helps most. None where no accuracy is claimed.
     """
     accuracy = result.accuracy
-    if not accuracy.maps or result.misfit is not None:
+    maps = [plane for plane in accuracy.maps if plane.after_p95_mm is not None]
+    if not maps or result.misfit is not None:
         return None
-    maps = accuracy.maps
-    grids = [_grids(plane) for plane in maps]
-    edges = class_edges([value for columns in grids for grid in columns for value in _numbers(grid)])
+    edges = class_edges([value for plane in maps for value in _numbers(plane.after_p95_mm or ())])
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.
-    width = (WIDTH - _LEFT - _APART - 2 * _BETWEEN - _RIGHT) / 4
-    inch = max(len(plane.postures[0]) * plane.cell_mm for plane in maps) / width
-    heights = [len(plane.postures) * plane.cell_mm / inch for plane in maps]
-    whole = _KEY + _HEAD + sum(heights) + _BELOW * len(maps) + 0.1 * (len(maps) - 1)
+    sizes = [(len(plane.postures[0]) * plane.cell_mm, len(plane.postures) * plane.cell_mm) for plane in maps]
+    room = WIDTH - _LEFT - (len(maps) - 1) * _APART - _KEY
+    inch = max(sum(across for across, _ in sizes) / room, max(up for _, up in sizes) / _TALLEST)
+    whole = _HEAD + max(up for _, up in sizes) / inch + _BELOW
     with style():
         figure = new_figure(whole, fitted=False)
-        for column in range(4):
-            left = _LEFT + column * (width + _BETWEEN) + (column // 2) * (_APART - _BETWEEN)
-            top = whole - _KEY - _HEAD
-            for plane, columns, height in zip(maps, grids, heights, strict=True):
-                across = len(plane.postures[0]) * plane.cell_mm / inch
-                box = (left / WIDTH, (top - height) / whole, across / WIDTH, height / whole)
-                axes = figure.add_axes(box)
-                _panel(axes, plane, columns[column], edges)
-                _base(axes, plane.plane, named=column == 0)
-                if column:
-                    axes.tick_params(axis="y", labelleft=False)
-                else:
-                    axes.set_xlabel(f"{plane.axes[0]}, mm", loc="left")
-                    axes.set_ylabel(f"{plane.axes[1]}, mm")
-                top -= height + _BELOW + 0.1
-            at = (whole - _KEY - _HEAD + 0.05) / whole
-            figure.text(left / WIDTH, at, _LEVELS[column % 2], fontsize=9, color=light("muted"))
-            if column % 2 == 0:
-                figure.text(left / WIDTH, at + 0.17 / whole, _WHEN[column // 2], fontsize=10)
-        _legend(figure, edges)
+        left = _LEFT
+        for plane, (across, up) in zip(maps, sizes, strict=True):
+            box = (left / WIDTH, 1 - (_HEAD + up / inch) / whole, across / inch / WIDTH, up / inch / whole)
+            axes = figure.add_axes(box)
+            _panel(axes, plane, plane.after_p95_mm or (), edges)
+            _base(axes, plane.plane)
+            _next_postures(axes, plane, result)
+            axes.set_xlabel(f"{plane.axes[0]}, mm", loc="left")
+            axes.set_ylabel(f"{plane.axes[1]}, mm")
+            axes.set_title(_SEEN_FROM[plane.plane], loc="left")
+            left += across / inch + _APART
+        _legend(
+            figure, edges, 1 - (WIDTH - left + _APART - 0.15) / WIDTH, next_postures=bool(_proposed(result))
+        )
         svg = to_svg(figure, NAME)
     return Picture(NAME, _title(result, maps), _alt(result), svg)
 
 
-def _grids(plane: Map) -> tuple[Grid, ...]:
-    """Of the four columns."""
-    before, after = plane.before95_mm or plane.before_mm, plane.after95_mm
-    return before.median, before.worst, after.median, after.worst
+def _proposed(result: Result) -> Sequence[NextPosture]:
+    return () if result.outlook is None else result.outlook.next_postures
+
+
+def _next_postures(axes: Axes, plane: Map, result: Result) -> None:
+    """Where the TCP is in the postures by which one more measurement helps most, numbered from 1."""
+    for number, posture in enumerate(_proposed(result), start=1):
+        at = _in_plane(plane, posture)
+        axes.plot(
+            *at, "D", markersize=5, zorder=4, color=light("ink"), markeredgecolor=light("ground"), mew=0.8
+        )
+        words = axes.annotate(str(number), at, (5, 3), textcoords="offset points", fontsize=9, zorder=5)
+        words.set_bbox({"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85})
+        words.set_color(light("ink"))
+
+
+def _in_plane(plane: Map, posture: NextPosture) -> tuple[float, float]:
+    x, y, _ = posture.tcp_mm
+    return posture.beside_axis_mm if plane.plane == "vertical" else (x, y)
 
 
 def _numbers(grid: Grid) -> list[float]:
@@ -224,12 +231,14 @@ def _numbers(grid: Grid) -> list[float]:
 
 
 def class_edges(values: list[float]) -> list[float]:
-    """Round bounds of classes that hold all values, each some times the one before: errors before and after
-    differ by factors."""
+    """Round bounds of classes that hold all values: equal steps, or each some times the one before where
+    values differ by factors."""
     high = max(values)
     low = max(min(values), high / 1e4)
     if high <= 0:
         return [0.0, 1.0]
+    if high < _BY_STEPS * min(values):
+        return _equal_steps(low, high)
     edges: list[float] = []
     for factors in ((1, 2, 5), (1, 3), (1,)):
         decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
@@ -240,6 +249,15 @@ def class_edges(values: list[float]) -> list[float]:
         if len(edges) <= _MOST_CLASSES + 1:
             break
     return [0.0, *edges[1:]] if min(values) < edges[0] else edges
+
+
+def _equal_steps(low: float, high: float) -> list[float]:
+    """The smallest steps of 1, 2 or 5 times a power of ten by which there are not too many classes."""
+    power = math.floor(math.log10(high)) - 2
+    steps = (factor * 10.0 ** (power + k) for k in range(4) for factor in (1, 2, 5))
+    step = next(each for each in steps if high / each - math.floor(low / each) <= _MOST_STEPS)
+    first, last = math.floor(low / step + 1e-9), math.floor(high / step) + 1
+    return [float(f"{step * k:.6g}") for k in range(first, last + 1)]
 
 
 def class_of(value: float, edges: list[float]) -> int:
@@ -297,32 +315,29 @@ def _shape(grid: Grid, which: int, edges: list[float], size: float, left: float,
     return Path.make_compound_path(*rectangles) if rectangles else None
 
 
-def _base(axes: Axes, plane: str, *, named: bool) -> None:
+def _base(axes: Axes, plane: str) -> None:
     """Where the base is: its level next to axis 1, its place seen from above; with its name."""
     ink = light("ink")
     bottom, top = axes.get_ylim()
     if plane == "horizontal":
         axes.plot([0], [0], "+", markersize=8, markeredgewidth=1.2, color=ink, zorder=4)
-    elif bottom <= 0 <= top:
-        axes.axhline(0, color=ink, linewidth=0.8, linestyle=DASHES)
-    else:
-        return
-    if not named:
-        return
-    if plane == "horizontal":
         text = axes.annotate("base", (0, 0), (4, 3), textcoords="offset points", zorder=4)
         text.set_bbox({"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85})
-    else:
+    elif bottom <= 0 <= top:
+        axes.axhline(0, color=ink, linewidth=0.8, linestyle=DASHES)
         text = axes.annotate("base", (1, 0), (3, 0), axes.get_yaxis_transform(), "offset points", va="center")
+    else:
+        return
     text.set(color=ink, fontsize=8.5)
 
 
-def _legend(figure: Figure, edges: list[float]) -> None:
-    """The classes, one scale for all panels, darkest last."""
+def _legend(figure: Figure, edges: list[float], left: float, *, next_postures: bool) -> None:
+    """The classes, one scale for all panels, darkest last; and the marks."""
+    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     classes = len(edges) - 1
-    handles = [
+    handles: list[Patch | Line2D] = [
         Patch(
             facecolor=light("identified"),
             alpha=_share(which, classes),
@@ -331,40 +346,69 @@ def _legend(figure: Figure, edges: list[float]) -> None:
         )
         for which in range(classes)
     ]
+    marks: dict[str, Any] = {"linestyle": "none", "color": light("ink")}
+    ring = {**marks, "marker": "o", "markersize": 3.4, "markerfacecolor": light("ground"), "mew": 0.8}
+    handles.append(Line2D([], [], **ring, label="measurement"))
+    if next_postures:
+        handles.append(Line2D([], [], **marks, marker="D", markersize=5, label="next posture"))
     figure.legend(
         handles=handles,
-        title="error of the TCP, mm",
+        title="95 % below, mm",
         title_fontsize=9.5,
         alignment="left",
         loc="upper left",
-        bbox_to_anchor=(_LEFT / WIDTH, 1.0),
-        ncols=classes,
+        bbox_to_anchor=(left, 1.0),
         borderpad=0.0,
-        columnspacing=0.9,
         handlelength=1.1,
         handleheight=0.9,
-        handletextpad=0.4,
+        handletextpad=0.5,
     )
 
 
 def _title(result: Result, maps: Sequence[Map]) -> str:
-    planes = " and ".join("from the side" if plane.plane == "vertical" else "from above" for plane in maps)
-    return (
-        f"How far the TCP is off {region_words(result.region)}, {planes}, before and after on one scale: the"
-        " median and the worst posture of each place; rings: the measurements"
+    planes = " and ".join(_SEEN_FROM[plane.plane] for plane in maps)
+    text = (
+        f"Error of the TCP that 95 % of postures and posterior stay below with the values entered,"
+        f" {region_words(result.region)}, {planes}. Rings: measurements"
     )
+    if not _proposed(result):
+        return f"{text}."
+    return f"{text}; diamonds: where one more measurement helps the TCP most, in this order."
 
 
 def _alt(result: Result) -> str:
     region = result.accuracy.workspace
     assert region is not None
-
-    def levels(level: Level) -> str:
-        median, worst = (numbers.significant(value, 2, "mm") for value in (level.median, level.worst))
-        return f"{median} in the median posture, {worst} in the worst"
-
+    worst = numbers.significant(region.after95_mm.worst, 2, "mm")
+    expected = _expected(result)
+    below = ""
+    if expected is not None:
+        below = f" 95 % are below {numbers.significant(expected[1].p95_mm, 2, 'mm')};"
     return (
-        f"Maps of the TCP error {region_words(result.region)}, from the side and from above. 95 % of the"
-        f" error is within {levels(region.before95_mm or region.before_mm)} with nothing entered, and within"
-        f" {levels(region.after95_mm)} with the values entered."
+        f"Maps of the TCP error with the values entered, {region_words(result.region)}, from the side and"
+        f" from above.{below} in the worst posture 95 % of the error is within {worst}."
     )
+
+
+def _next_table(result: Result) -> Table | None:
+    """The postures by which one more measurement helps most."""
+    proposed, outlook = _proposed(result), result.outlook
+    if not proposed or outlook is None or outlook.u_mm is None:
+        return None
+    joints = range(1, len(proposed[0].joints) + 1)
+    heads = ["", "target", *(f"J{k}" for k in joints), "u of the TCP then"]
+    rows = [
+        row_of(
+            str(number),
+            clipped(each.target, 24),
+            *(numbers.fixed(value, 1) for value in each.joints),
+            numbers.spread(each.u_mm, "mm"),
+        )
+        for number, each in enumerate(proposed, start=1)
+    ]
+    caption = (
+        "Where one more measurement helps the TCP most, each beside those before it: joints in degrees (mm"
+        f" of a prismatic one); u predicted, root mean square over the region, now"
+        f" {numbers.spread(outlook.u_mm, 'mm')}"
+    )
+    return table_of(caption, heads, rows, "llr")

@@ -6,7 +6,7 @@ from numpy.polynomial.chebyshev import chebval2d
 from scipy import stats
 
 from zerobeam.analysis import error_radius
-from zerobeam.analysis.error_radius import radius95
+from zerobeam.analysis.error_radius import LengthLaw, radius95
 
 CHANCE = 1e-3  # of a test that is right to fail: two sides together
 
@@ -43,6 +43,25 @@ def test_the_radius_with_unequal_variances_by_drawing(dof):
     ball = np.sqrt((std**2).sum(axis=1) / 3) * radius95(np.eye(3)[None], dof)
     wrong = (np.linalg.norm(error, axis=2) < ball[:, None]).sum(axis=1)
     assert not any(by_chance(count, 100_000) for count in wrong)
+
+
+def test_the_length_that_95_percent_of_several_errors_stay_below_by_drawing():
+    """Of each group of postures together, within the 3 % that the law is good to."""
+    rng = np.random.default_rng(3)
+    mean = rng.normal(size=(40, 3)) * np.array([2.0, 0.5, 0.1])
+    root = rng.normal(size=(40, 3, 3))
+    groups = np.repeat([0, 1, 3], [5, 15, 20])
+    law = LengthLaw.about(mean, root @ root.transpose(0, 2, 1))
+    found = law.pooled_quantile(groups)
+    drawn = mean[:, None] + np.einsum("pij,pnj->pni", root, rng.normal(size=(40, 20_000, 3)))
+    lengths = np.linalg.norm(drawn, axis=2)
+    for group in (0, 1, 3):
+        assert found[group] == pytest.approx(np.quantile(lengths[groups == group], 0.95), rel=0.03)
+    assert np.isnan(found[2])
+    # Negative control: the median of the single radii is another number.
+    assert abs(np.median(law.quantile()[groups == 3]) / found[3] - 1) > 0.05
+    # One posture alone is the radius of that posture.
+    np.testing.assert_allclose(law.pooled_quantile(np.arange(40)), law.quantile(), rtol=3e-3)
 
 
 def covariances(spectra):

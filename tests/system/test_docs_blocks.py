@@ -23,7 +23,6 @@ from documents import NOT_RUN, PAGES, Block, blocks, joined, prepare, prose, rea
 from ruamel.yaml import YAML
 from whole_ways import WAYS, StandIn
 
-from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sensors_file
 from zerobeam.experiments.studies.sweeps.study_file import read_study
@@ -31,6 +30,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import check_header
 from zerobeam.model.files.header_file import PlantTolerances, read_header
 from zerobeam.model.files.plan import read_plan
+from zerobeam.model.files.plan_file import Obstacles
 from zerobeam.model.files.robot_file import load_robot, read_robot
 from zerobeam.model.files.run import read_run
 

@@ -19,6 +19,7 @@ from scipy import stats
 
 from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, fit_likelihood, fit_p_value
 from ....analysis.observability.aim import aim, servo_joints
+from ....analysis.observability.clearance import Clearance
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.predictions import predicted_std
 from ....analysis.status import has_numbers, verdict_of
@@ -28,7 +29,6 @@ from ....model.files.header import Header
 from ....model.likelihood.problem import Problem
 from ...plans.candidates import candidates, reason_of
 from ...plans.constraints import Conditions, View
-from ...plans.obstacles import Clearance
 from ...plans.optimal import Planner
 from ...plans.patterns import Line, pattern
 from ..answer import held_share

@@ -211,6 +211,19 @@ def test_table_and_maps_are_of_one_region(
     assert answer.workspace.after_rms_mm.median == pytest.approx(expected, rel=0.1)
     for plane in answer.maps:
         assert plane.before95_mm is not None
+        # The map's number and the table's are one: the 95 % of a place, and of all places together.
+        places = [
+            (b, a, count)
+            for rows in zip(plane.before_p95_mm or (), plane.after_p95_mm or (), plane.postures, strict=True)
+            for b, a, count in zip(*rows, strict=True)
+            if b is not None and a is not None
+        ]
+        assert all(a < b for b, a, _ in places)
+        counts = [count for *_, count in places]
+        for p95, at in ((told.tcp_before.p95_mm, 0), (told.tcp_after.p95_mm, 1)):
+            of_places = [place[at] for place in places]
+            assert min(of_places) < p95 < max(of_places)
+            assert np.average(of_places, weights=counts) == pytest.approx(p95, rel=0.15)
         for one, other in zip(plane.before95_mm.worst, plane.after95_mm.worst, strict=True):
             assert all(b is None or (a is not None and a < b) for b, a in zip(one, other, strict=True))
 

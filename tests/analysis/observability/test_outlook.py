@@ -10,8 +10,11 @@ from cells import good_plan, pattern_plan, simulated
 from plan_requests import plan_request
 
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.observability.better_postures import PostureSearch, kept, usual_constraints
 from zerobeam.analysis.observability.check import Check
+from zerobeam.analysis.observability.clearance import arm_in_the_way
 from zerobeam.analysis.observability.outlook import COVERAGE, Outlook, OutlookRow, constraint_options
+from zerobeam.analysis.observability.tcp_forecast import TcpForecast
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.experiments.plans.plan_options import PlanOptions
@@ -116,6 +119,42 @@ def test_of_a_run_the_answer_as_it_is_has_the_error_of_its_values() -> None:
     assert result.entered_geometry.tcp_after is not None
     assert now.links_95_mm == pytest.approx(result.entered_geometry.tcp_after.p95_mm, rel=0.02)
     assert {row.remedy for row in result.outlook.remedies} >= {"more", "mounting"}
+
+
+def test_the_next_postures_are_those_of_the_pool_that_lower_the_error_most() -> None:
+    """By the inverse of the information, posture by posture; and clear of the arm."""
+    plan = good_plan(7, geometry=None)
+    found = analyse(simulated(plan, {"delta2": 0.5})[1], sampling="never")
+    outlook = found.result.outlook
+    assert outlook is not None
+    assert outlook.u_mm is not None
+    errors = [outlook.u_mm, *(each.u_mm for each in outlook.next_postures)]
+    assert len(errors) == 4
+    assert errors == sorted(errors, reverse=True)
+    problem, x, entries = found.problem, found.fit.x, plan.header.targets
+    constraints = usual_constraints(problem, x)
+    search = PostureSearch(
+        problem, x, entries, lambda shots: kept(constraints, shots, x, entries), 1 / found.noise_scale**2
+    )
+    square = TcpForecast(problem, x, found.status).mean_square
+    assert outlook.u_mm == pytest.approx(np.sqrt(np.trace(found.fit.covariance @ square)))
+    information = np.linalg.inv(found.fit.covariance)
+    assert len(search.clear.joints) < len(search.pool.joints)
+    for posture in outlook.next_postures:
+        tried = [np.trace(np.linalg.inv(information + root.T @ root) @ square) for root in search.clear.roots]
+        best = int(np.argmin(tried))
+        assert posture.u_mm == pytest.approx(np.sqrt(tried[best]), rel=1e-6)
+        assert posture.joints == pytest.approx(search.clear.joints[best] * problem.robot.display, abs=1e-3)
+        information = information + search.clear.roots[best].T @ search.clear.roots[best]
+    shots = search.problem.select(search.clear.like).moved(search.clear.joints)
+    assert not arm_in_the_way(shots, x, entries).any()
+
+
+def test_no_next_posture_is_said_where_no_error_is_known() -> None:
+    result = analyse(simulated(pattern_plan("x", geometry=None))[1], sampling="never").result
+    assert result.outlook is not None
+    assert (result.outlook.u_mm, result.outlook.next_postures) == (None, ())
+    assert outlook_of(typical()).next_postures == ()
 
 
 @pytest.mark.parametrize(("required", "reachable"), [(0.1, False), (4.0, True), (None, None)])

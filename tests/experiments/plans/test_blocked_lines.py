@@ -18,16 +18,17 @@ from zerobeam.analysis.acceptance.acceptance import choose
 from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.aim import AimedPlan, aim_plan
+from zerobeam.analysis.observability.clearance import Clearance
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.constraints import check_plan, clear_postures, require_constraints, violations
 from zerobeam.experiments.plans.make import PlanRequest, make_plan
 from zerobeam.experiments.plans.new_calibration import PLACES, new_calibration, place_of
-from zerobeam.experiments.plans.obstacles import Clearance, Obstacles
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan, read_plan
+from zerobeam.model.files.plan_file import Obstacles
 from zerobeam.model.files.robot_file import built_in_robots, load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.robot import Robot

@@ -10,14 +10,14 @@ import pytest
 from plan_requests import plan_request
 
 from zerobeam.analysis.observability.check import check
+from zerobeam.analysis.observability.clearance import Clearance
 from zerobeam.experiments.plans.candidates import Planned, candidates
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import Portion, make_plan
-from zerobeam.experiments.plans.obstacles import Clearance, Obstacles
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Means, Plan, read_plan
-from zerobeam.model.files.plan_file import Box
+from zerobeam.model.files.plan_file import Box, Obstacles
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.instruments.kind import Measurement
 from zerobeam.model.likelihood.problem import Problem

@@ -49,12 +49,11 @@ def test_the_figure_has_both_planes_units_and_the_base(result: Result) -> None:
     picture = workspace_picture(result)
     assert picture is not None
     shown = words(picture.svg)
-    for text in ("nothing entered", "values entered, 95 % within", "error of the TCP, mm"):
-        assert shown.count(text) >= 1
+    for text in ("from the side", "from above", "95 % below, mm", "measurement"):
+        assert shown.count(text) == 1
     for text in ("distance from axis 1, mm", "height, mm", "x, mm", "y, mm"):
         assert text in shown
     assert shown.count("base") == 2
-    assert (shown.count("median"), shown.count("worst")) == (2, 2)
     assert re.search(r"\d to \d", shown)
     assert "<image" not in picture.svg
     # Colours follow the page's light and dark form.
@@ -62,38 +61,45 @@ def test_the_figure_has_both_planes_units_and_the_base(result: Result) -> None:
     assert not left & {colour.light for colour in PALETTE.values()}
 
 
+def test_the_next_postures_are_marked_and_listed(result: Result) -> None:
+    outlook = result.outlook
+    assert outlook is not None
+    assert len(outlook.next_postures) == 3
+    picture = workspace_picture(result)
+    assert picture is not None
+    assert "next posture" in words(picture.svg)
+    assert picture.title.endswith("where one more measurement helps the TCP most, in this order.")
+    rows = texts_of(table(workspace_section(result), "Where one more measurement helps the TCP most"))
+    assert [row[0] for row in rows] == ["1", "2", "3"]
+    for row, posture in zip(rows, outlook.next_postures, strict=True):
+        shown = [float(cell.replace("−", "-")) for cell in row[2:-1]]
+        assert shown == pytest.approx(posture.joints, abs=0.05)
+        assert float(row[-1].removesuffix("\u00a0mm")) == pytest.approx(posture.u_mm, rel=0.06)
+    none = replace(result, outlook=replace(outlook, next_postures=()))
+    without = workspace_picture(none)
+    assert without is not None
+    assert "next posture" not in words(without.svg)
+    assert "diamonds" not in without.title
+
+
 def test_every_cell_is_drawn_in_its_class(result: Result) -> None:
     """Areas of the shapes of one shade against the cells counted by hand, in the first panel."""
     picture = workspace_picture(result)
     assert picture is not None
-    own = result.accuracy.maps[0]
-    assert own.before95_mm is not None
-    values = [value for row in own.before95_mm.median for value in row if value is not None]
-    every = [
-        value
-        for plane in result.accuracy.maps
-        for levels in (plane.before95_mm, plane.after95_mm)
-        if levels is not None
-        for grid in (levels.median, levels.worst)
-        for row in grid
-        for value in row
-        if value is not None
-    ]
+    grids = [plane.after_p95_mm for plane in result.accuracy.maps]
+    values, every = (
+        [value for grid in some for row in grid or () for value in row if value is not None]
+        for some in (grids[:1], grids)
+    )
     legend = re.findall(r"([\d.]+) to ([\d.]+)", words(picture.svg))
-    edges = [float(legend[0][0])]
-    for low, high in legend:
-        if float(low) != edges[-1]:
-            break
-        edges.append(float(high))
-    # One scale for before and after, and for all panels.
-    assert len(legend) == len(edges) - 1
+    edges = [float(legend[0][0]), *(float(high) for _, high in legend)]
+    assert [float(low) for low, _ in legend] == edges[:-1]  # one scale for both panels
     assert edges[0] <= min(every)
     assert max(every) <= edges[-1]
     counted = [0] * (len(edges) - 1)
     for value in values:
         counted[class_of(value, edges)] += 1
-        low = edges[class_of(value, edges)]
-        assert low <= value <= edges[class_of(value, edges) + 1]
+        assert edges[class_of(value, edges)] <= value <= edges[class_of(value, edges) + 1]
     drawn = [area(path) for path in first_panel(picture.svg)]
     told = [count for count in counted if count]
     assert len(drawn) == len(told) > 1
@@ -142,10 +148,12 @@ def area(d: str) -> float:
         ([0.3, 80.0], [0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]),
         ([0.0, 3.0], [0, 0.001, 0.01, 0.1, 1, 10]),
         ([0.0], [0, 1]),
+        ([3.1, 5.3], [3, 3.5, 4, 4.5, 5, 5.5]),
+        ([12.0, 40.0], [10, 15, 20, 25, 30, 35, 40, 45]),
     ],
     ids=str,
 )
-def test_classes_are_round_factors_and_hold_all(values: list[float], found: list[float]) -> None:
+def test_classes_are_round_and_hold_all(values: list[float], found: list[float]) -> None:
     assert class_edges(values) == pytest.approx(found)
 
 
@@ -186,7 +194,7 @@ def level_of(result: Result, region: str, key: str, level: str) -> float:
 def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
     section = workspace_section(result)
     assert [block.kind for block in section.lead] == ["text", "figure"]
-    rows = texts_of(table(section))
+    rows = texts_of(table(section, "Accuracy before"))
     columns = [(region, level) for region in ("workspace", "near_shots") for level in ("median", "worst")]
     keys = ("before_mm", "before_std_mm", "after95_mm", "after_rms_mm")
     for row, key in zip(rows, keys, strict=True):
@@ -219,7 +227,9 @@ def test_values_to_enter_bring_their_figures(result: Result) -> None:
     )
     section = workspace_section(entered)
     assert sentence(enter_sentence(entered) or "") in paragraphs(section)
-    rows = [[cell.replace("\u00a0", " ") for cell in row] for row in texts_of(table(section))]
+    rows = [
+        [cell.replace("\u00a0", " ") for cell in row] for row in texts_of(table(section, "Accuracy before"))
+    ]
     assert [row[:3] for row in rows] == [
         ["nothing entered", "3.0 mm", "5.5 mm"],
         ["values entered", "0.61 mm", "1.0 mm"],
