@@ -263,3 +263,15 @@ class OffsetsWithoutPrior:
         # A result that was read has its statuses in its rows, and is checked against those.
         for name, status, value in zip(self.names, self.status or (), self.values, strict=bool(self.status)):
             require_no_more_than(name, status, value=value)
+
+
+def drawn_by_covariance(covariance: Matrix, count: int, rng: np.random.Generator) -> Matrix:
+    """(count, m) normal at random with that covariance (m, m)."""
+    root = root_of(covariance)
+    return rng.normal(size=(count, len(root))) @ root.T
+
+
+def root_of(covariance: Matrix) -> Matrix:
+    """(m, m) R with R R' = C."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -13,7 +13,7 @@ from ..model.arrays import Matrix
 from ..model.files.stated_workspace import CENTRAL_RANGES
 from ..model.kinematics.robot import Robot
 from ..model.likelihood.problem import Problem
-from .draws import drawn_by_covariance
+from .covariance import drawn_by_covariance
 from .status import Status
 from .tcp_region import region_postures
 

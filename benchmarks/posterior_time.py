@@ -34,7 +34,7 @@ from tracker_table import NOISE, header, problem_of
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.posterior.sampler import IndependenceProposal, degrees_of_freedom, sample_density
-from zerobeam.analysis.posterior.whitening import Whitening
+from zerobeam.analysis.posterior.sheet import Whitening
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot

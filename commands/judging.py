@@ -138,8 +138,7 @@ def compare(
     """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
     from ..reports.output.whole_folder import check_target
-    from ..reports.repeatability.comparison_folder import COMPARISON, write_comparison
-    from ..reports.repeatability.comparison_page import comparison_page
+    from ..reports.repeatability.comparison_page import COMPARISON, comparison_page, write_comparison
 
     if folder is not None:
         check_target(folder, COMPARISON)

@@ -114,7 +114,7 @@ def verify(
     from ..reports.acceptance.acceptance_page import acceptance_page
 
     if folder is not None:
-        from ..reports.acceptance.acceptance_folder import ACCEPTANCE, write_acceptance_report
+        from ..reports.acceptance.acceptance_page import ACCEPTANCE, write_acceptance_report
         from ..reports.output.whole_folder import check_target
 
         check_target(folder, ACCEPTANCE)

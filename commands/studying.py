@@ -37,8 +37,7 @@ def _carry_out(
     or not at all, to go on with; once the study is written they are no longer needed.
     """
     from ..reports.output.whole_folder import check_target
-    from ..reports.studies.kinds import study_page
-    from ..reports.studies.study_folder import study_kind, write_study
+    from ..reports.studies.kinds import study_kind, study_page, write_study
 
     work, study = cluster.opened(), settings()
     store = Path(f"{real_path(folder)}.cases.jsonl")

@@ -22,7 +22,6 @@ from ..analysis.diagnostics.predicted_run import recorded_problem
 from ..analysis.diagnostics.values_to_enter import values_to_enter
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.prediction import Predictor
-from ..analysis.same_arm import arm_difference
 from ..analysis.solution import Solution
 from ..model.arrays import Mask
 from ..model.errors import BadInput, located
@@ -32,6 +31,7 @@ from ..model.files.robot_file import rebased, robot_path
 from ..model.files.run import Run, read_run
 from ..model.files.whole_file import refuse_existing
 from ..model.instruments.kind import POINT, Instrument
+from ..model.kinematics.robot import arm_difference
 from ..model.likelihood.problem import Problem, by_posture
 from ..model.records import internal, it, record
 from ..words.provenance import VERIFIES

@@ -32,6 +32,7 @@ from ..analysis.misfit import (
     LackOfFit,
     NominalContradicted,
     PlacementsDisagree,
+    TightPrior,
 )
 from ..analysis.observability.causes import (
     BaseFrame,
@@ -44,7 +45,6 @@ from ..analysis.observability.changes import ChangeAt, RepeatsApart, RepeatsDiff
 from ..analysis.observability.outlook import OutlookRow
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import known
-from ..analysis.tight_priors import TightPrior
 from ..model.files.run import in_no_file
 from ..model.instruments.kind import Assumption
 from . import numbers

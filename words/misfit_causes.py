@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..analysis.diagnostics.cause import Cause
 from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.misreadings import Misreading
+from ..analysis.diagnostics.suspects import Cause
 from . import numbers
 from .numbers import times
 from .wording import clipped, listed

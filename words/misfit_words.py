@@ -15,11 +15,11 @@ from ..analysis.misfit import (
     NominalContradicted,
     OffPrior,
     PlacementsDisagree,
+    TightPrior,
 )
 from ..analysis.observability.changes import ChangeAt, RepeatsApart, RunChange
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
-from ..analysis.tight_priors import TightPrior
 from . import numbers
 from .misfit_causes import CAUSES, changed
 from .numbers import p_words, times

@@ -12,7 +12,7 @@ from ..diagnostics.hold_out import HoldOut, LeaveOneOut, fits_without, leave_one
 from ..diagnostics.influence import ShotResult, shot_results
 from ..diagnostics.outliers import OUTLYING, Robust
 from ..diagnostics.predicted_run import PredictedRun
-from ..holm import holm
+from ..left_over import holm
 from ..misfit import Criterion, ExactDoubted, exact_doubted
 from ..observability.changes import RepeatsDiffer, repeats_differ
 from ..posterior.posterior import PosteriorSummary

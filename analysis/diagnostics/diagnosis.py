@@ -20,7 +20,6 @@ from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
 from ..observability.changes import RepeatsApart, RunChange
 from ..solution import Solution
-from .cause import Cause
 from .hypotheses import (
     SIGNIFICANCE,
     HypothesisFit,
@@ -30,6 +29,7 @@ from .hypotheses import (
     of_readings,
 )
 from .misreadings import DECIDED, Misreading, misreadings
+from .suspects import Cause
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations

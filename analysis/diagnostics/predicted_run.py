@@ -15,11 +15,11 @@ from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header, StatedGeometry
 from ...model.files.run import Run
+from ...model.kinematics.robot import Difference, arm_difference
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
 from ..estimation.fit import fit_likelihood
 from ..prediction import PredictedAgainstMeasured, PredictedResiduals, Predictor
-from ..same_arm import Difference, arm_difference
 from ..solution import Solution
 
 UNKNOWN = 10.0  # times the noise of a measurement: a prediction with a larger u is none

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Literal
 
 import numpy as np
 
@@ -20,7 +21,40 @@ from ...model.likelihood.problem import Problem
 from ..left_over import Hypotheses
 from ..observability.biases import Linearised, revolute
 from ..observability.changes import FEWEST, elapsed, repeated
-from .cause import Cause
+
+Cause = Literal[
+    "swapped_joints",
+    "sign",
+    "zero",
+    "units",
+    "coupling",
+    "metres",
+    "mirrored",
+    "quaternion",
+    "inverse",
+    "inverse_pose",
+    "rows",
+    "twist",
+    "convention",
+    "arm",
+    "length",
+    "tool",
+    "spot",
+    "placement",
+    "measurements",
+    "repeats",
+    "moved_target",
+    "jump",
+    "drift",
+    "lag",
+    "backlash",
+    "gain",
+    "noise",
+    "geometry",
+    "gravity",
+    "harmonics",
+]
+
 
 # Standard deviations that are tried, from a little more than what is typical upwards.
 _ANGLES = (0.05, 0.5, 5.0)  # deg, of a jump, a drift

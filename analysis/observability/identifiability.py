@@ -48,8 +48,7 @@ from .causes import (
     Unexplained,
     WithinTolerances,
 )
-from .gauges import PART, ROUNDING, Gauge, complement, gauge_at, gauge_of, information_roots
-from .marginal import Marginal
+from .gauges import PART, ROUNDING, Gauge, Marginal, complement, gauge_at, gauge_of, information_roots
 
 _NEARLY_CONSTANT_DEG = 10.0
 _NEARLY_CONSTANT_MM = 50.0

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...model.arrays import Mask, Matrix
 from ...model.likelihood.problem import Problem
-from ..draws import drawn_by_covariance
+from ..covariance import drawn_by_covariance
 from ..status import Status
 from ..tcp_positions import (
     arm_covariance,

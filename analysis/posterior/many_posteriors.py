@@ -20,7 +20,7 @@ from .sampler import (
     degrees_of_freedom,
     possible_density,
 )
-from .whitening import Whitening
+from .sheet import Whitening
 
 _REFITS = 4  # the proposal is fitted anew at most so often, while less than GOOD are accepted;
 LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most

@@ -33,7 +33,7 @@ from .sampler import (
     degrees_of_freedom,
     sample_density,
 )
-from .whitening import Whitening
+from .sheet import Whitening
 
 _KEPT_PER_WALKER = 400
 _WEIGHED = 20_000  # proposals, at most, to compare draws with

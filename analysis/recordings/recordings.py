@@ -31,7 +31,7 @@ import scipy
 from ...model.arrays import NORMAL_95, Index, Mask, Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from ...model.records import it, key, record
-from ..draws import root_of
+from ..covariance import root_of
 from ..estimation.fit import LikelihoodFit
 
 _NOTHING = 1e-18  # a correlation below rounding

@@ -17,10 +17,9 @@ import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.records import it, record
-from ..draws import drawn_by_covariance
+from ..covariance import drawn_by_covariance
 from ..estimation.fit import LikelihoodFit
-from ..holm import holm
-from ..left_over import Contradiction
+from ..left_over import Contradiction, holm
 from ..status import LACK_OF_FIT
 from .recordings import (
     LARGE,

@@ -14,7 +14,7 @@ from ...model.arrays import Matrix, Progress
 from ...model.errors import UnsoundResult
 from ...model.files.run import Run
 from ...model.records import inline, internal, it, key, record, worded
-from ..holm import holm
+from ..left_over import holm
 from ..row import StatusRow
 from ..status import versions
 from .consistency import (

@@ -19,7 +19,7 @@ from ...experiments.history.signing import fingerprint, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.records import dumps, it, keys, read, record, to_json
-from ..acceptance.acceptance_folder import read_acceptance
+from ..acceptance.acceptance_page import read_acceptance
 from ..output.whole_folder import FolderContents, Kind, write_answer
 from .certificate_page import SIGNED, certificate_page
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
 from ...analysis.repeatability.compare import (
+    COMPARE_SCHEMA,
     FALSE_ALARM,
     Agreement,
     ComparedOffset,
@@ -19,7 +21,9 @@ from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.comparison import headline, notes
 from ...words.numbers import significant, with_unit
+from ...words.sentences import to_json
 from ...words.wording import clipped, counted, label, listed, sentence, shown
+from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..style.blocks import (
     Block,
     Cell,
@@ -346,3 +350,40 @@ def _alt(comparison: Comparison, compared: list[int]) -> str:
         parts.append(f"{label(row.name)}: {', '.join(offs)}")
     outlier = "" if comparison.odd_run is None else f" The outlier is {clipped(comparison.odd_run, 40)}."
     return f"Offsets less their mean. {'. '.join(parts)}.{outlier}"
+
+
+_TABLE = "offsets.csv"
+COMPARISON = Kind.of_answer("comparison", "compare.json", COMPARE_SCHEMA, _TABLE)
+
+
+def write_comparison(folder: Path | str, comparison: Comparison) -> Written:
+    """Write a comparison (`zerobeam/compare/1`) to `folder`. Raises as `write_answer`."""
+    tables = {_TABLE: offset_rows(comparison)}
+    page, picture = comparison_page(comparison), runs_picture(comparison)
+    return write_answer(folder, COMPARISON, FolderContents(to_json(comparison), page, [picture], tables))
+
+
+def offset_rows(comparison: Comparison) -> Iterator[dict[str, object]]:
+    """`offsets.csv`: one row for each offset and run, with what holds for the offset over all runs."""
+    for i, row in enumerate(comparison.offsets):
+        low, high = row.mean.interval95 if row.mean else (None, None)
+        for run in comparison.runs:
+            offset = run.offsets[i]
+            yield {
+                "offset": row.name,
+                "unit": row.unit,
+                "run": run.name,
+                "at": run.at,
+                "status": offset.status,
+                "estimate": offset.estimate,
+                "std": offset.std,
+                "mean": row.mean and row.mean.value,
+                "mean_low": low,
+                "mean_high": high,
+                "observed_std": row.scatter and row.scatter.std,
+                "predicted_std": row.predicted_std,
+                "ratio": row.test and row.test.ratio,
+                "p_holm": row.test and row.test.p_holm,
+                "slope": row.drift and row.drift.slope,
+                "slope_p_holm": row.drift and row.drift.p_holm,
+            }

@@ -13,9 +13,8 @@ from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.estimation.threads import one_blas_thread
-from zerobeam.analysis.misfit import Misfit
+from zerobeam.analysis.misfit import Misfit, TightPrior, Tolerances, tight_priors
 from zerobeam.analysis.solution import judge
-from zerobeam.analysis.tight_priors import TightPrior, Tolerances, tight_priors
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit_words import criterion_sentence, larger_tolerance
 

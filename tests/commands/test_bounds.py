@@ -12,10 +12,10 @@ from recorded_logs import HEADER, moves, table
 from small_results import small_result
 
 import zerobeam as zb
-from zerobeam.analysis.repeatability.result_files import read_result
+from zerobeam.analysis.repeatability.repeats import read_result
 from zerobeam.commands import program
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.model.likelihood.compiling import KernelWarning
+from zerobeam.model.likelihood.kernel import KernelWarning
 
 RUN = demo_runs()[0].path
 

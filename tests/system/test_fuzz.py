@@ -21,7 +21,7 @@ from zerobeam.model.likelihood import constraint, kernel
 # As for a person: libraries' warnings are no errors. And without a compiler, since each damaged arm would be
 # compiled for a few evaluations.
 pytestmark = [
-    pytest.mark.filterwarnings("default", "ignore::zerobeam.model.likelihood.compiling.KernelWarning"),
+    pytest.mark.filterwarnings("default", "ignore::zerobeam.model.likelihood.kernel.KernelWarning"),
 ]
 QUICK = [one for one in WHOLE if one.quick]
 LONG, PARTS = 5_200, 26

@@ -11,7 +11,7 @@ from command_line import zerobeam
 
 from zerobeam.model.likelihood import constraint, kernel
 
-pytestmark = pytest.mark.filterwarnings("ignore::zerobeam.model.likelihood.compiling.KernelWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::zerobeam.model.likelihood.kernel.KernelWarning")
 ROBOT = """schema: zerobeam/robot/1
 name: one
 convention: standard

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 from small_results import small_result
 
-from zerobeam.analysis.repeatability.repeats import read_table
-from zerobeam.analysis.repeatability.result_files import read_result
+from zerobeam.analysis.repeatability.repeats import read_result, read_table
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 from zerobeam.experiments.makers.kuka.krl_points import kuka_positions

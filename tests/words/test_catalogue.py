@@ -44,6 +44,7 @@ from zerobeam.analysis.misfit import (
     NominalContradicted,
     OffPrior,
     PlacementsDisagree,
+    TightPrior,
 )
 from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.observability.changes import RepeatsApart, RepeatsDiffer, RunChange
@@ -51,7 +52,6 @@ from zerobeam.analysis.observability.check import Check, OutsideLimits, TargetBe
 from zerobeam.analysis.observability.predictions import OverTarget
 from zerobeam.analysis.recordings.steps import RecordingStep, RecordingSteps
 from zerobeam.analysis.status import Status, Verdict
-from zerobeam.analysis.tight_priors import TightPrior
 from zerobeam.app.server.answers.home import home
 from zerobeam.app.server.answers.run_history import history
 from zerobeam.app.server.folder import Folder

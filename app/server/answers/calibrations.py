@@ -23,7 +23,7 @@ from ....experiments.plans.new_calibration import (
     place_of,
     titles,
 )
-from ....model.errors import BadInput
+from ....model.errors import BadInput, NotWritten
 from ....model.files.header import Header, RobotRef, write_header
 from ....model.files.robot_file import load_robot, rebased
 from ....model.files.whole_file import sync_folder, write_whole, writer
@@ -35,8 +35,46 @@ from ..folder import Folder
 from ..job_commands import job_command
 from ..requests import Content, Refused, end_point, refused
 from ..versions import version_of
-from .new_folders import new_path
 from .robot_library import whole_ref
+
+
+@record(kw_only=True)
+class MadeFolder:
+    """A folder that was made."""
+
+    name: str
+
+
+def new_path(folder: Folder, name: str) -> Path:
+    """Where a folder of this name is to be made; Refused, with the key, where it is taken or cannot be."""
+    try:
+        if "/" in name or "\\" in name or name != name.strip():
+            raise BadInput(
+                "this is no name of one folder",
+                found=name[:100],
+                allowed="a name without / and \\, and without spaces at its ends",
+            )
+        path = folder.new(name)
+        if os.path.lexists(folder.root / name):  # a link to nowhere
+            raise BadInput("there is something of this name already", found=name, allowed="a free name")
+        return path
+    except BadInput as error:
+        raise refused(error, ("name",)) from error
+
+
+@end_point("POST /api/folders", "Makes an empty folder for a calibration.")
+def new_folder(
+    folder: Folder,
+    name: Annotated[str, it("a name without /, below the app's folder"), Field(max_length=100)],
+) -> MadeFolder:
+    """Make an empty folder."""
+    path = new_path(folder, name.strip())
+    try:
+        path.mkdir()
+    except OSError as error:
+        raise NotWritten(f"the folder cannot be made: {error.strerror}", file=path) from None
+    return MadeFolder(name=folder.called(path))
+
 
 _EXAMPLE = "example"
 _SEED = "--seed=0"

@@ -21,10 +21,9 @@ from cells import (
 )
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
-from zerobeam.analysis.diagnostics.cause import Cause
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose, undecided
-from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes
-from zerobeam.analysis.diagnostics.robot_variants import file_variants
+from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes, file_variants
+from zerobeam.analysis.diagnostics.suspects import Cause
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import Run

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from cells import TABLE_2, good_plan, irb1600, simulated_problem
 
-from zerobeam.analysis.diagnostics.hypotheses import changes
-from zerobeam.analysis.diagnostics.robot_variants import file_variants, other_arms
+from zerobeam.analysis.diagnostics.hypotheses import changes, file_variants, other_arms
 from zerobeam.analysis.diagnostics.screening import screened
 from zerobeam.analysis.diagnostics.suspects import Linear, suspects
 from zerobeam.analysis.solution import solve

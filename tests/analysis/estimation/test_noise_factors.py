@@ -11,8 +11,7 @@ from made_problem import many_runs
 from scipy import optimize, stats
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
-from zerobeam.analysis.estimation.noise_factors import _STEP, _quadratic, marginal_noise
+from zerobeam.analysis.estimation.fit import _STEP, _quadratic, fit_likelihood, fit_rows, marginal_noise
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.sentences import to_json

@@ -123,7 +123,7 @@ def test_the_posterior_of_the_papers_pattern_is_as_wide_as_it_is():
 
 def in_plain_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sampler without the sheet."""
-    monkeypatch.setattr("zerobeam.analysis.posterior.whitening.sheet_of", lambda local, size: None)
+    monkeypatch.setattr("zerobeam.analysis.posterior.sheet.sheet_of", lambda local, size: None)
 
 
 def test_without_the_sheet_the_draws_are_too_narrow_and_the_gate_says_so(monkeypatch):

@@ -16,7 +16,7 @@ from scipy import stats
 from small_results import small_result
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.holm import holm
+from zerobeam.analysis.left_over import holm
 from zerobeam.analysis.repeatability.compare import Comparison, sample_of
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
 from zerobeam.analysis.repeatability.consistency import RunSample, against_others, consistency, drift, mean_of

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from zerobeam.model.likelihood import compiling, kernel
+from zerobeam.model.likelihood import kernel
 from zerobeam.model.likelihood.c_source import Offsets, columns, constant, per_both, per_inner, per_outer
 from zerobeam.model.likelihood.kernel import Kernel, KernelWarning, cache_folder
 
@@ -513,7 +513,7 @@ def test_a_compiler_that_hangs_is_ended_with_its_children(
     answers = "" if at_once else 'case "$*" in *-dM*) echo "#define ONE 1"; exit 0;; esac\n'
     cc = script(tmp_path / "cc", f"{answers}(echo begun; exec sleep 1000) > {tmp_path / 'pipe'} &\nwait\n")
     compilers(os.environ["PATH"], cc)
-    monkeypatch.setattr(compiling, "LONGEST_S", 1.0)
+    monkeypatch.setattr(kernel, "LONGEST_S", 1.0)
     made, message = warned(small())
     ((category, text, filename),) = message
     assert category is KernelWarning
@@ -559,7 +559,7 @@ def test_a_cache_that_others_can_write_is_not_used(empty_cache, monkeypatch, how
     else:
         another = os.getuid() + 1
         monkeypatch.setattr(os, "getuid", lambda: another)
-        monkeypatch.setattr(compiling, "_make_private", lambda folder: None)
+        monkeypatch.setattr(kernel, "_make_private", lambda folder: None)
     with warnings.catch_warnings(record=True) as message:
         warnings.simplefilter("always")
         both = [Kernel(small(), compile=True), Kernel(small("other"), compile=True)]
@@ -570,7 +570,7 @@ def test_a_cache_that_others_can_write_is_not_used(empty_cache, monkeypatch, how
     assert f"chmod 700 {empty_cache}" in text
     if how == "writable":
         assert [made.compiled for made in both] == [True, True]
-        assert stat.S_IMODE(compiling._own_folder(empty_cache).stat().st_mode) == 0o700
+        assert stat.S_IMODE(kernel._own_folder(empty_cache).stat().st_mode) == 0o700
 
 
 @needs_compiler

@@ -26,8 +26,7 @@ from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.terminal import print_page
-from zerobeam.reports.repeatability.comparison_folder import write_comparison
-from zerobeam.reports.repeatability.comparison_page import comparison_page, runs_picture
+from zerobeam.reports.repeatability.comparison_page import comparison_page, runs_picture, write_comparison
 from zerobeam.reports.style import blocks
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.words.sentences import to_json

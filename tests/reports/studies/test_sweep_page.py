@@ -28,9 +28,8 @@ from study_text import is_rounded, printed, tables_of, untrue, words
 from zerobeam.experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy, RunErrors
 from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
-from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page
+from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page, write_study
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
-from zerobeam.reports.studies.study_folder import write_study
 from zerobeam.reports.studies.sweeps.grid_words import dot_pages, figure_names, rmse_interval, tolerance
 from zerobeam.reports.studies.sweeps.marks import gap
 from zerobeam.reports.style.blocks import Page as BlockPage

@@ -21,8 +21,8 @@ from zerobeam.experiments.rigs.bounded import LARGEST, BoundedSocket
 from zerobeam.experiments.rigs.live import joint_client
 from zerobeam.experiments.rigs.live.address import open_joints
 from zerobeam.experiments.rigs.live.joint_client import LinkFault
+from zerobeam.experiments.rigs.live.rosbridge import WebSocket
 from zerobeam.experiments.rigs.live.stream import Stream
-from zerobeam.experiments.rigs.live.websocket import WebSocket
 from zerobeam.model.errors import RigFault
 from zerobeam.model.kinematics.pendant import pendant_of
 

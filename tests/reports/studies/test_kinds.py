@@ -17,8 +17,7 @@ from made_once import made_once
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.whole_folder import check_target
-from zerobeam.reports.studies.kinds import STUDIES, study_of, study_page
-from zerobeam.reports.studies.study_folder import study_kind, write_study
+from zerobeam.reports.studies.kinds import STUDIES, study_kind, study_of, study_page, write_study
 
 Json = dict[str, Any]
 Refused = Callable[..., BadInput]
