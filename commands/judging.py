@@ -15,7 +15,7 @@ from ..experiments.demos import demo_runs
 from ..model.errors import BadInput, WorkersLost
 from ..model.options import Option, argument
 from .console import EXIT_STATUS, FAULT, err, out, print_json, progress, say, show_answer
-from .shared_options import Cluster, Json, Picture, PlanFile, RunFile
+from .shared_options import Cluster, Full, Json, Picture, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis
@@ -55,7 +55,7 @@ def demo(
         say(f"Report: {folder / case.name / 'report.html'}")
 
 
-def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
+def check(plan: PlanFile, as_json: Json = False, full: Full = False, picture: Picture = None) -> None:
     """Predict which offsets a plan identifies, and how precisely, before any measurement."""
     from ..analysis.observability.aim import aim_plan
     from ..experiments.plans.constraints import check_plan
@@ -70,13 +70,14 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         write_plan_page(picture, turned, checked)
     typed = replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix()))
-    show_answer(as_json, checked, lambda: check_page(typed), picture=picture)
+    show_answer(as_json, checked, lambda: check_page(typed, full=full), picture=picture)
     raise typer.Exit(EXIT_STATUS[checked.verdict])
 
 
 def analyse(
     run: RunFile,
     as_json: Json = False,
+    full: Full = False,
     *,
     options: AnalyseOptions,
     save: Annotated[
@@ -84,7 +85,7 @@ def analyse(
     ] = None,
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
-    from ..reports.run.brief_page import brief_page
+    from ..reports.run.brief_page import brief_page, front_page
 
     recorded = _recorded(run, options.drop)
     if save is not None:
@@ -94,7 +95,7 @@ def analyse(
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, options, tell)
     typed = _where_the_person_stands(analysis.result, save or run)
-    show_answer(as_json, analysis.result, lambda: brief_page(typed))
+    show_answer(as_json, analysis.result, lambda: (brief_page if full else front_page)(typed))
     raise typer.Exit(_status(analysis))
 
 
@@ -102,12 +103,13 @@ def report(
     run: RunFile,
     folder: Annotated[Path, Option("Folder for the report.", "-o --out")],
     as_json: Json = False,
+    full: Full = False,
     *,
     options: AnalyseOptions,
 ) -> None:
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..reports.output.whole_folder import check_target
-    from ..reports.run.brief_page import brief_page
+    from ..reports.run.brief_page import brief_page, front_page
     from ..reports.run.report import REPORT, write_report
 
     recorded = _recorded(run, options.drop)
@@ -118,7 +120,9 @@ def report(
         paths = write_report(folder, analysis.result, analysis.draws)
         tell("writing", 1.0)
     typed = _where_the_person_stands(analysis.result, run)
-    show_answer(as_json, analysis.result, lambda: brief_page(typed), report=paths.html)
+    show_answer(
+        as_json, analysis.result, lambda: (brief_page if full else front_page)(typed), report=paths.html
+    )
     raise typer.Exit(_status(analysis))
 
 

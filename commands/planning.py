@@ -12,7 +12,7 @@ from ..experiments.plans.plan_options import PlanOptions
 from ..model.errors import BadInput
 from ..model.options import Option, argument, options_of
 from .console import EXIT_STATUS, progress, show_answer
-from .shared_options import Cluster, Force, Json, Picture, RunFile
+from .shared_options import Cluster, Force, Full, Json, Picture, RunFile
 
 PlanKind = Literal["x", "y", "optimal", "verify"]
 _PLAN = {"candidates": 0.6, "choice": 0.3, "check": 0.1}
@@ -32,6 +32,7 @@ def plan(
     options: PlanOptions,
     force: Force = False,
     as_json: Json = False,
+    full: Full = False,
     picture: Picture = None,
     cluster: Cluster,
 ) -> None:
@@ -80,7 +81,7 @@ def plan(
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_plan(turned.plan, turned))
     picture = None if made.file is None else picture
-    show_answer(as_json, made, lambda: proposal_page(made), plan=made.file, picture=picture)
+    show_answer(as_json, made, lambda: proposal_page(made, full=full), plan=made.file, picture=picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
 

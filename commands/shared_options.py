@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ..experiments.cluster import Traffic
 
 Json = Annotated[bool, Option("Print JSON for programs, and nothing else.", "--json")]
+Full = Annotated[bool, Option("Print all that is known, not only what is read first.", "--full")]
 RunFile = Annotated[Path, argument("Run file (.jsonl).")]
 PlanFile = Annotated[Path, argument("Plan file (.yaml).")]
 NewRunFile = Annotated[Path, Option("Run file to write (.jsonl).", "-o --out")]

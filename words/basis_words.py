@@ -9,7 +9,7 @@ from ..model.likelihood.parameters import Unit
 from . import numbers
 from .geometry_words import tolerance_words
 from .observability import named_part
-from .wording import Namer, clipped, listed
+from .wording import Namer, clipped, joints, listed
 
 _HARDLY = 0.95  # of a U that is left were this known exactly: it does not matter
 
@@ -21,7 +21,7 @@ def basis_lines(
     by_header = [*_noise(header), *(_words(one, k, name, effects) for one in bases if one.stated)]
     assumed = [_words(one, k, name, effects) for one in bases if not one.stated]
     lines = [f"Stated: {'; '.join(by_header)}."] if by_header else []
-    return (*lines, *([f"Assumed, not stated or measured: {'; '.join(assumed)}."] if assumed else []))
+    return (*lines, *([f"Assumed, not measured: {'; '.join(assumed)}."] if assumed else []))
 
 
 def _noise(header: Mapping[str, object]) -> Iterator[str]:
@@ -30,9 +30,9 @@ def _noise(header: Mapping[str, object]) -> Iterator[str]:
     if isinstance(noise, Mapping):
         sizes = _sizes(noise, (("joint_deg", "deg"), ("joint_mm", "mm")))
         if sizes:
-            yield f"noise of the joints {sizes}"
+            yield f"noise of joints {sizes}"
         if noise.get("spot_mm"):
-            yield f"of the spot {_sizes(noise, (('spot_mm', 'mm'),))}"
+            yield f"of spot {_sizes(noise, (('spot_mm', 'mm'),))}"
     if isinstance(instruments, Mapping):
         for label, entry in instruments.items():
             keys: tuple[tuple[str, Unit], ...] = (("sigma_mm", "mm"), ("sigma_deg", "deg"))
@@ -55,17 +55,18 @@ def _sizes(entry: Mapping[str, object], keys: Sequence[tuple[str, Unit]]) -> str
 
 def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
     if basis.part == "links":
-        what = "links within" if basis.stated else "links as those of a typical arm, within"
+        what = "links" if basis.stated else "typical links"
         exact = "links exactly nominal (geometry: exact)"
     else:
-        what = f"{named_part(basis.kind, basis.of, basis.part)} within"
+        what = named_part(basis.kind, basis.of, basis.part)
         exact = f"{named_part(basis.kind, basis.of, basis.part)} exactly as stated"
     if not basis.sizes:
         return f"{exact} (in no U)" if effects else exact
-    text = f"{what} {listed([tolerance_words(size.std, size.unit) for size in basis.sizes])}"
+    text = f"{what} {', '.join(tolerance_words(size.std, size.unit) for size in basis.sizes)}"
     if not effects or basis.offset is None or basis.u is None or basis.u_if_exact is None:
         return text
     if basis.u_if_exact > _HARDLY * basis.u:
-        return f"{text} (U hardly less if exact)"
+        return f"{text} (U hardly less)"
     u, if_exact = (numbers.spread(k * each, basis.unit or "") for each in (basis.u, basis.u_if_exact))
-    return f"{text} (U of {name(basis.offset)} {u}, {if_exact} if exact)"
+    (offset,) = joints([basis.offset], name)
+    return f"{text} ({offset} U {u}, exact {if_exact})"

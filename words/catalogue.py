@@ -525,9 +525,8 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "no robot was measured",
         "doubt",
-        remedy="Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan.",
+        remedy="Enter nothing: no robot was measured. Plan and measure your own.",
         command=_plan,
-        colour="held",
         found=if_(lambda case: case.simulated),
     ),
     FindingEntry(

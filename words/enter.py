@@ -110,9 +110,9 @@ def conformity_sentence(result: Result) -> str:
 
 
 _MET = {
-    "conforms": "the required {} at the TCP is met",
-    "does not conform": "the required {} at the TCP is not met",
-    "undecided": "whether the required {} at the TCP is met is not decided",
+    "conforms": "meets the required {}",
+    "does not conform": "does not meet the required {}",
+    "undecided": "whether it meets the required {} is not decided",
 }
 
 

@@ -7,7 +7,6 @@ What is said of a run, and how grave it is, is in `catalogue.py`, of a plan in `
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,14 +14,12 @@ from ..analysis.answer.answer_message import Action, Message
 from ..analysis.answer.findings import prediction_failed
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.values_to_enter import Entered
-from ..analysis.observability.causes import Held
 from ..analysis.observability.check import Check
-from ..analysis.solution import ParameterResult, Solution
-from ..analysis.status import Status, Verdict
+from ..analysis.solution import Solution
+from ..analysis.status import Verdict
 from ..model.files.header import Header
 from ..model.files.run import in_no_file
 from ..model.instruments.flange_tool import FlangeTool
-from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .basis_words import basis_lines
 from .case import RunCase, run_argument
@@ -35,12 +32,11 @@ from .enter import (
     links_step,
     met_words,
 )
-from .entries import NONE_ESTIMATED, VERDICT_WORDS, graded, message_by, rows_of, sentences_of, worst_of
-from .misfit_words import UNVALIDATED
-from .observability import determined
+from .entries import VERDICT_WORDS, graded, message_by, rows_of, sentences_of, worst_of
 from .plan_catalogue import plan_headline, plan_message
 from .provenance import is_simulated
-from .wording import NOT_DETERMINED, Namer, capital, clipped, counted, person, shown
+from .trust import offsets_sentence
+from .wording import NOT_DETERMINED, Namer, clipped, counted, person, shown
 
 
 def message(answer: Result | Check) -> Message:
@@ -123,47 +119,8 @@ def _determined(case: RunCase) -> str:
     if case.stopped is not None:
         return f"The fit did not converge ({case.stopped}): no offset is reported."
     if case.misfit is not None:
-        return f"The model does not describe the measurements. {capital(UNVALIDATED)}."
-    weak = [row for row in case.offsets if row.status == "weak"]
-    known = [row for row in case.offsets if row.status == "identified"]
-    texts: dict[Status, str] = {
-        "unidentifiable": "unidentifiable from these measurements",
-        "weak": f"only weakly observable, {_within(weak, case.k)} ({numbers.coverage(case.k)})",
-        "identified": f"identified, {_within(known, case.k)}"
-        + ("" if weak else f" ({numbers.coverage(case.k)})"),
-    }
-    text = determined(case.offsets, texts, case.name)
-    return " ".join([text, *_held_words(case)] if text else [NONE_ESTIMATED])
-
-
-def _within(rows: Sequence[ParameterResult], k: float) -> str:
-    """The expanded uncertainties of offsets, from the smallest to the largest by unit."""
-    parts = []
-    for unit in dict.fromkeys(row.unit for row in rows):
-        stds = [row.std or 0.0 for row in rows if row.unit == unit]
-        low, high = (numbers.spread(k * std, numbers.unit_of(unit)) for std in (min(stds), max(stds)))
-        parts.append(high if low == high else f"{low} to {high}")
-    return f"U {' and '.join(parts)}"
-
-
-_HELD_BY: dict[HeldBy, str] = {
-    "base frame": "base frame",
-    "tool rotation": "free tool",
-    "first link": "base frame",
-    "free tool": "free tool",
-    "header": "by the header",
-}
-
-
-def _held_words(case: RunCase) -> Iterator[str]:
-    """Whom a pass leaves out because it is held, and why."""
-    parts = [
-        f"{case.name(row.name)} held: {_HELD_BY[row.cause.by]}"
-        for row in case.parameters
-        if row.group == "offset" and isinstance(row.cause, Held)
-    ]
-    if parts and case.verdict == "pass":
-        yield f"{'; '.join(parts)}."
+        return "The model does not describe the measurements."
+    return offsets_sentence(case.offsets, case.k, case.name)
 
 
 def _saved_first(case: RunCase, action: Action) -> Action:

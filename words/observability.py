@@ -42,7 +42,7 @@ from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
-from .wording import Namer, are, be, clipped, counted, label, listed, shown
+from .wording import Namer, are, be, capital, clipped, counted, joints, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
@@ -349,8 +349,8 @@ def assumed_steps(rows: Sequence[_WithStatus], name: Namer) -> list[str]:
     for row in rows:
         cause = getattr(row, "cause", None)
         if row.status == "assumed" and isinstance(cause, AsGoodAs):
-            grouped.setdefault(stating(cause.of), []).append(name(row.name))
-    return [f"To determine {listed(names)}: {what}" for what, names in grouped.items()]
+            grouped.setdefault(stating(cause.of), []).append(row.name)
+    return [f"To determine {listed(joints(names, name))}: {what}" for what, names in grouped.items()]
 
 
 def _counts(cause: TooFewMeasurements) -> str:
@@ -534,9 +534,9 @@ def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
 _OF_THE_RUN: frozenset[WrongModel] = frozenset({"jump", "drift", "moved"})  # that repeated postures show
 # What a pass is subject to, by the wrong models with which a run may pass.
 _CONDITIONS: tuple[tuple[frozenset[WrongModel], str], ...] = (
-    (_OF_THE_RUN, "nothing changed during the run"),
-    (frozenset({"reading", "typing", "backlash", "noise"}), "the readings are right to their stated noise"),
-    (frozenset({"arm", "tool", "beam"}), "the arm and the tool are within their tolerances"),
+    (_OF_THE_RUN, "nothing changed"),
+    (frozenset({"reading", "typing", "backlash", "noise"}), "readings are right"),
+    (frozenset({"arm", "tool", "beam"}), "geometry is as stated"),
 )
 
 
@@ -549,18 +549,17 @@ def condition(powers: Sequence[DetectionPower]) -> str | None:
 
 
 _MOST_REMAINING = 3
-_BY_ANOTHER_RUN = "record a second run and compare the two (zerobeam compare)"
+_BY_ANOTHER_RUN = "compare with a second run (zerobeam compare)"
 
 
 def _again(power: DetectionPower) -> str:
     if power.again >= 1:
         return _BY_ANOTHER_RUN
-    which = "more of the postures" if power.again else "the first postures"
-    return f"measure {which} again at the end (--repeat)"
+    return f"repeat {'more postures' if power.again else 'the first postures'} (--repeat)"
 
 
 def _twice(power: DetectionPower) -> str:
-    return _BY_ANOTHER_RUN if power.again >= 1 else "measure every posture twice (--repeat)"
+    return _BY_ANOTHER_RUN if power.again >= 1 else "repeat all postures (--repeat)"
 
 
 # What reveals wrong models, one remedy for each group; what repeats show by what can still be repeated.
@@ -568,9 +567,9 @@ _REVEALS: tuple[tuple[frozenset[WrongModel], str | Callable[[DetectionPower], st
     (_OF_THE_RUN, _again),
     (frozenset({"reading", "typing"}), _twice),
     (frozenset({"backlash"}), "come to every posture from the same side"),
-    (frozenset({"noise"}), "state the noise as it is, or have it estimated (noise: {scale: estimated})"),
-    (frozenset({"arm"}), "measure more postures, or state how far the arm may deviate (geometry)"),
-    (frozenset({"tool", "beam"}), "measure how the instrument is mounted, and state it"),
+    (frozenset({"noise"}), "state the noise, or have it estimated (noise: {scale: estimated})"),
+    (frozenset({"arm"}), "measure more postures, or state its tolerances (geometry)"),
+    (frozenset({"tool", "beam"}), "measure its mounting, and state it"),
 )
 
 
@@ -588,29 +587,28 @@ def remaining(powers: Sequence[DetectionPower]) -> list[str]:
 
 
 def _hidden_words(power: DetectionPower, remedy: str) -> str:
-    """What a pass can hide, what reveals it, and what it does."""
+    """What reveals what a pass can hide, and what that does."""
     assert power.hidden_size is not None
     assert power.hidden_offset is not None
-    size = numbers.exact(float(f"{power.hidden_size:.2g}"), numbers.unit_of(power.unit))
+    size = float(f"{power.hidden_size:.2g}")
     offset = numbers.significant(power.hidden_offset, 2, "deg")
     at_tcp = power.hidden_tcp_mm
-    mm = "" if at_tcp is None else f", the TCP by {numbers.significant(at_tcp, 2, 'mm')}"
-    may_be = _WRONG[power.wrong][1].format(size=size, joint=power.hidden_joint)
-    return f"If {may_be}, {remedy}: a pass can hide that, and puts an offset off by up to {offset}{mm}."
+    mm = "" if at_tcp is None else f", TCP {numbers.significant(at_tcp, 2, 'mm')}"
+    return f"{capital(remedy)}: {wrong_words(power, size, power.hidden_joint)} can hide ({offset}{mm})."
 
 
-# Wrong models as nouns, and as what may be; a size without a unit is so many "times".
-_WRONG: dict[WrongModel, tuple[str, str]] = {
-    "tool": ("a tool {size} off", "the instrument may be mounted {size} off"),
-    "beam": ("a beam {size} off its direction", "the beam may be {size} off its direction"),
-    "arm": ("an arm {size} its tolerances off", "the arm may be {size} its tolerances off"),
-    "jump": ("a jump of the zero of J{joint} by {size}", "the zero of J{joint} may have jumped by {size}"),
-    "drift": ("a drift of the zero of J{joint} by {size}", "the zero of J{joint} may have drifted by {size}"),
-    "moved": ("a target moved by {size}", "the target may have moved by {size}"),
-    "reading": ("one reading {size} off", "one reading may be {size} off"),
-    "typing": ("one joint value {size} off", "one joint value may be {size} off"),
-    "backlash": ("backlash of {size}", "joints may have backlash of {size}"),
-    "noise": ("a noise {size} the stated noise", "the noise may be {size} the stated"),
+# Wrong models as nouns; a size without a unit is so many "times".
+_WRONG: dict[WrongModel, str] = {
+    "tool": "a tool {size} off",
+    "beam": "a beam {size} off its direction",
+    "arm": "an arm {size} its tolerances off",
+    "jump": "a jump of the zero of J{joint} by {size}",
+    "drift": "a drift of the zero of J{joint} by {size}",
+    "moved": "a target moved by {size}",
+    "reading": "one reading {size} off",
+    "typing": "one joint value {size} off",
+    "backlash": "backlash of {size}",
+    "noise": "a noise {size} the stated noise",
 }
 
 
@@ -632,7 +630,7 @@ def _missed_words(power: DetectionPower) -> str:
     )
 
 
-def wrong_words(power: DetectionPower) -> str:
-    """The wrong model as a noun."""
-    size = numbers.exact(power.size, numbers.unit_of(power.unit))
-    return _WRONG[power.wrong][0].format(size=size, joint=power.joint)
+def wrong_words(power: DetectionPower, size: float | None = None, joint: int | None = None) -> str:
+    """The wrong model as a noun, by default of the size and joint that the power is of."""
+    amount = numbers.exact(power.size if size is None else size, numbers.unit_of(power.unit))
+    return _WRONG[power.wrong].format(size=amount, joint=joint or power.joint)

@@ -61,16 +61,16 @@ def _remedy(row: OutlookRow) -> str:
         case "none":
             return "as it is"
         case "postures":
-            return f"better postures, again {row.shots}, 2 of them twice"
+            return f"{row.shots} better postures, 2 again"
         case "more":
-            return f"{row.shots} measurements in the best postures, 2 again"
+            return f"{row.shots} best postures, 2 again"
         case "repeat":
-            return "the first two postures again"
+            return "first two postures again"
         case "mounting":
             to = listed([f"{_size(key, std)} ({key})" for key, std in row.state.items()])
-            return f"the mounting measured to {to} and stated"
+            return f"mounting measured to {to}"
         case "links":
-            return "links entered too, where the controller takes them"
+            return "links entered too"
 
 
 def _size(key: str, std: float) -> str:

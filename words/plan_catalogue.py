@@ -19,7 +19,7 @@ from ..analysis.observability.check import (
     Unreachable,
     Violation,
 )
-from ..analysis.observability.outlook import OutlookRow
+from ..analysis.observability.outlook import COVERAGE, OutlookRow
 from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from . import numbers
@@ -51,9 +51,8 @@ from .observability import (
 )
 from .outlook_words import better_postures, plan_command
 from .plan_words import plan_sentence, violation_sentence, violation_words
+from .trust import offsets_sentence
 from .wording import Namer, capital, counted, ended, listed, person, sentence
-
-_COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
 
 
 def estimated(check: Check) -> list[CheckedParameter]:
@@ -196,18 +195,13 @@ def plan_message(check: Check) -> Message:
     def value(row: Any) -> str:
         if row.std is None:
             return "not determined by this plan"
-        u = numbers.spread(_COVERAGE * row.std, numbers.unit_of(row.unit))
-        return f"U {u} ({numbers.coverage(_COVERAGE)})"
+        u = numbers.spread(COVERAGE * row.std, numbers.unit_of(row.unit))
+        return f"U {u} ({numbers.coverage(COVERAGE)})"
 
-    texts: dict[Status, str] = {
-        "unidentifiable": "unidentifiable by this plan",
-        "weak": "only weakly observable",
-        "identified": "identified",
-    }
     verdict = f"{VERDICT_WORDS[check.verdict]}. {f'{_broken(check)}. ' if check.violations else ''}"
-    verdict += determined(estimated(check), texts, person) or NONE_ESTIMATED
+    verdict += offsets_sentence(estimated(check), COVERAGE)
     rows = [row for row in estimated(check) if row.status != "assumed"]
-    content = message_by(check, PLAN, verdict, worst_of(rows, _COVERAGE, value))
+    content = message_by(check, PLAN, verdict, worst_of(rows, COVERAGE, value))
     action = Action(ended(sentence(content.action.text)), content.action.command)
     return replace(content, action=action, may=May())
 

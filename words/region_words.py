@@ -30,6 +30,19 @@ def region_words(region: TcpRegion | None) -> str:
     return f"in the box {', '.join(sides)} mm, {ranges}"
 
 
+def region_short(region: TcpRegion | None) -> str:
+    """The same in the head of a column."""
+    if region is None:
+        return "workspace"
+    if region.name is not None:
+        return region.name.removeprefix("in the ")
+    if region.positions is not None:
+        return "own positions"
+    if region.box_mm is not None:
+        return "stated box"
+    return f"central {100 * CENTRAL:.0f} %" if region.joints != "full" else "full ranges"
+
+
 def region_first(region: TcpRegion | None) -> str:
     """The same at the beginning of a sentence."""
     return capital(region_words(region))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Sized
+from collections.abc import Callable, Collection, Sequence, Sized
 
 Namer = Callable[[str], str]  # writes the name of a parameter or target: `str` in files, `label` for people
 
@@ -22,6 +22,7 @@ _PERHAPS = re.compile(r"[^\n -~]")
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 
 
+_OFFSET = re.compile(r"delta(\d+)")
 _GEOMETRY = re.compile(r"(link|joint)(\d+)\.(a|b|d|alpha|beta|theta|gravity|cos|sin)")
 _GREEK = {"alpha": "α", "beta": "β", "theta": "θ", "cos": "cos q", "sin": "sin q"}
 
@@ -56,7 +57,7 @@ def clipped(name: str, width: int = NAME_WIDTH) -> str:
 def label(name: str, width: int = NAME_WIDTH) -> str:
     """A parameter's name as people write it: `delta2` is J2 (δ2), `link2.alpha` is link 2, α; others stay as
     they are."""
-    if match := re.fullmatch(r"delta(\d+)", name):
+    if match := _OFFSET.fullmatch(name):
         return f"J{match.group(1)} (δ{match.group(1)})"
     if match := _GEOMETRY.fullmatch(name):
         body, number, axis = match.groups()
@@ -106,6 +107,29 @@ def listed(names: list[str], most: int = 8) -> str:
     if len(names) > most:
         return f"{', '.join(names[:most])} and {len(names) - most} more"
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def joints(names: Sequence[str], name: Namer = person) -> list[str]:
+    """The names of parameters, in their order; of offsets for a `person` the joints alone, three and more
+    in a row as `J2 to J5`.
+
+    >>> joints(["delta2", "delta3", "delta4", "delta6"])
+    ['J2 to J4', 'J6']
+    """
+    numbers = [int(match.group(1)) if (match := _OFFSET.fullmatch(each)) else None for each in names]
+    if name is not person or None in numbers:
+        return list(map(name, names))
+    rows: list[list[int]] = []
+    for number in (each for each in numbers if each is not None):
+        if rows and number == rows[-1][-1] + 1:
+            rows[-1].append(number)
+        else:
+            rows.append([number])
+    return [
+        text
+        for row in rows
+        for text in ([f"J{row[0]} to J{row[-1]}"] if len(row) > 2 else [f"J{number}" for number in row])
+    ]
 
 
 def escaped(letter: str) -> str:

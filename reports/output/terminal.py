@@ -14,7 +14,19 @@ from rich.text import Text
 
 from ...analysis.answer.answer_message import Message
 from ...words.wording import ended, sentence, visible
-from ..style.blocks import Block, Cell, Commands, Directions, Facts, Legend, Page, Paragraph, Table
+from ..style.blocks import (
+    Bars,
+    Block,
+    Cell,
+    Column,
+    Commands,
+    Directions,
+    Facts,
+    Legend,
+    Page,
+    Paragraph,
+    Table,
+)
 
 STYLE = {
     "identified": "blue",
@@ -61,7 +73,7 @@ class Terminal(Console):
 def print_page(out: Console, page: Page) -> None:
     """The message or the verdict, the notes, then the sections."""
     if page.message is not None:
-        print_message(out, page.message)
+        print_message(out, page.message, page.front)
     elif page.verdict.word:
         verdict, style = f"{page.verdict.word}.", VERDICT_STYLE[page.verdict.key]
         print_text(out, f" {page.verdict.sentence}", verdict, style)
@@ -96,15 +108,15 @@ def _indented(head: str, show: Callable[[Console], None]) -> str:
     return "\n".join([head, *(f"{_GAP}{line}" for line in captured.get().splitlines())])
 
 
-def print_message(out: Console, message: Message) -> None:
+def print_message(out: Console, message: Message, front: Sequence[Block] = ()) -> None:
     """What is read first of an answer. One without a grade is grey."""
     print_text(out, "", sentence(message.verdict), VERDICT_STYLE[message.grade or "held"])
-    for text in (message.cause, None if message.worst is None else message.worst.text):
-        if text is not None:
-            print_text(out, sentence(text))
+    if message.cause is not None:
+        print_text(out, sentence(message.cause))
     print_text(out, sentence(message.action.text), "To do: ", "bold")
     if message.action.command is not None:
         _print_commands(out, (message.action.command,))
+    print_blocks(out, front)
     for text in message.basis:
         print_text(out, "", sentence(text), "dim")
     for text in message.cautions:
@@ -134,6 +146,8 @@ def print_blocks(out: Console, blocks: Iterable[Block]) -> None:
                     print_text(out, item.remedy, "  to do: ", indent=9)
             case Table():
                 _print_table(out, block)
+            case Bars():
+                _print_bars(out, block)
 
 
 def print_text(out: Console, text: str, lead: str = "", style: str = "", indent: int = 0) -> None:
@@ -151,10 +165,22 @@ def _print_note(out: Console, text: str) -> None:
 def _print_commands(out: Console, commands: Sequence[str]) -> None:
     """Commands as they are to be typed."""
     for line in commands:
-        width = max(out.width - 8, 20)
+        width = max(out.width - 3, 20)
+        if len(line) > width:
+            width -= 5
         wrapped = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
         for part in " \\\n     ".join(wrapped).splitlines():
             out.print(Text(f"   {part}"), soft_wrap=True)
+
+
+def _print_bars(out: Console, bars: Bars) -> None:
+    print_text(out, "", bars.caption, "italic")
+    name, text = (max(len(getattr(row, each)) for row in bars.rows) for each in ("name", "text"))
+    room = max(min(out.width, _TEXT_WIDTH) - name - text - 2 * len(_GAP), 1)
+    for row, share in zip(bars.rows, bars.shares, strict=True):
+        line = Text(f"{row.name.ljust(name)}{_GAP}{row.text.rjust(text)}{_GAP}")
+        line.append("█" * max(round(share * room), 1), style=STYLE[row.tone])
+        out.print(line, soft_wrap=True)
 
 
 def _print_table(out: Console, table: Table) -> None:
@@ -230,11 +256,13 @@ def _sizes(table: Table, width: int) -> list[int]:
             elif at + cell.span < len(texts):
                 wide.append((at, at + cell.span, len(_shown(cell))))
             at += cell.span
-    sizes = [max(map(len, column), default=0) for column in texts]
-    for k, column in enumerate(table.columns):
-        room = max(_HEAD, sizes[k], *map(len, column.text.split(" ")))
-        head = _wrapped(column.text, room) if column.align == "right" else [column.text]
-        sizes[k] = max([sizes[k], *map(len, head)])
+    cells = [max(map(len, column), default=0) for column in texts]
+    whole = [max(size, len(column.text)) for size, column in zip(cells, table.columns, strict=True)]
+    broken = [
+        _with_head(size, column) if column.align == "right" else whole_size
+        for size, column, whole_size in zip(cells, table.columns, whole, strict=True)
+    ]
+    sizes = whole if sum(whole) + len(_GAP) * (len(whole) - 1) <= width else broken
     for start, end, letters in wide:
         sizes[end - 1] += max(letters - sum(sizes[start:end]) - len(_GAP) * (end - start - 1), 0)
     least = [min(_NARROWEST, max(map(len, each), default=0)) for each in words]
@@ -245,6 +273,12 @@ def _sizes(table: Table, width: int) -> list[int]:
                 break
             sizes[max(broad, key=lambda k: sizes[k])] -= 1
     return sizes
+
+
+def _with_head(size: int, column: Column) -> int:
+    """The width of a column whose head may be broken."""
+    room = max(_HEAD, size, *map(len, column.text.split(" ")))
+    return max([size, *map(len, _wrapped(column.text, room))])
 
 
 def _shown(cell: Cell) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry_result import GeometryResult
+from ...analysis.observability.outlook import COVERAGE
 from ...words import numbers
 from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import check_lines, worth_sentence
@@ -14,14 +16,15 @@ from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
 from ...words.plan_catalogue import plan_headline, plan_message, planned_anew
 from ...words.plan_words import check_notes
-from ...words.wording import label, person, sentence
+from ...words.trust import trusted
+from ...words.wording import joints, label, person, sentence
+from ..run.brief_page import MOST_CAUTIONS
 from ..run.outlook_section import outlook_blocks
 from ..run.parameter_section import worth_column
 from ..run.unobservable import direction_words
 from ..style.blocks import (
     Block,
     Cell,
-    Commands,
     Directions,
     Page,
     Paragraph,
@@ -40,59 +43,71 @@ if TYPE_CHECKING:
 NOT_DETERMINED = "unidentifiable from these measurements"
 
 
-def check_page(check: Check) -> Page:
-    """The answer of `check`: verdict, notes, predicted uncertainties, directions, what would help."""
+def check_page(check: Check, *, full: bool = False) -> Page:
+    """The answer of `check`: what is read first; if `full` also notes, predicted uncertainties, directions
+    and what would help."""
     off = max(posture.off_mm for posture in check.postures)
     aimed = (
         f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target; the plan is"
         " judged with the wrist turned onto it."
     )
-    return _page(
-        check,
-        *_what_to_do(check),
+    blocks = [
         predicted_table(check, (row for row in check.parameters if not row.tolerated)),
-        *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=True),
+        *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=False),
         *map(Paragraph, check_lines(check)),
         Directions([direction_words(each) for each in check.identifiability.null_space]),
         *map(Paragraph, [*outlook_lines(check), *([aimed] if off > 0.05 else [])]),
-    )
+    ]
+    return _page(check, *(blocks if full else []))
 
 
-def proposal_page(made: MadePlan) -> Page:
-    """The answer of `plan`: verdict, predicted uncertainties, efficiency, travel, what removed candidates."""
+def proposal_page(made: MadePlan, *, full: bool = False) -> Page:
+    """The answer of `plan`: what is read first, efficiency and travel; if `full` also predicted
+    uncertainties, and what removed candidates."""
     check, sentences = made.checked, list(made.sentences)
     if check is None:
         return plain_page("", *map(Paragraph, sentences))
     offsets = [row for row in check.parameters if row.group == "offset"]
     worth = worth_sentence(check.geometry, offsets)
+    if not full:
+        return _page(check, *map(Paragraph, sentences))
     if made.proposal is not None:
         sentences.append(f"{made.removed}.")
     return _page(
         check,
         predicted_table(check, offsets),
-        *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=True),
+        *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=False),
         *map(Paragraph, [*([] if worth is None else [worth]), *sentences]),
     )
 
 
 def _page(check: Check, *blocks: Block) -> Page:
     notes = [sentence(note) for note in check_notes(check)]
-    return Page("", "", verdict_on(check), notes, [section_of("", *blocks)])
+    content = plan_message(check)
+    first = replace(content, cautions=content.cautions[:MOST_CAUTIONS])
+    sections = [section_of("", *blocks)] if blocks else []
+    return Page("", "", verdict_on(check), notes, sections, message=first, front=check_front(check))
+
+
+def check_front(check: Check) -> list[Block]:
+    """The one table, and what would make the plan better."""
+    rows = [row for row in check.parameters if row.group == "offset"]
+    columns = ["joint", f"predicted U ({numbers.coverage(COVERAGE)})", "trusted"]
+    table = table_of("", columns, [_front_row(row) for row in rows], "lrl")
+    return [table, *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=True)]
+
+
+def _front_row(row: CheckedParameter) -> Row:
+    why = Cell(trusted(row), mark=row.status)
+    known = not row.held and row.std is not None
+    u = numbers.spread(COVERAGE * row.std, unit_of(row.unit)) if known and row.std else "—"
+    return row_of(*joints([row.name]), u, why, tone=row.status)
 
 
 def verdict_on(check: Check) -> Verdict:
     """The verdict on a plan, as a page has it."""
     text = sentence(plan_headline(check, person))
     return Verdict(plan_message(check).grade or "held", VERDICT_WORDS[check.verdict], text)
-
-
-def _what_to_do(check: Check) -> list[Block]:
-    """Where postures break constraints."""
-    if not check.violations:
-        return []
-    action = plan_message(check).action
-    command = [] if action.command is None else [Commands([action.command])]
-    return [Paragraph(f"To do: {sentence(action.text)}"), *command]
 
 
 def predicted_table(check: Check, rows: Iterable[CheckedParameter]) -> Table:

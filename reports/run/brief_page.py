@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...analysis.answer.result import LikelihoodSummary, Result
@@ -10,9 +11,9 @@ from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.geometry_words import worth_sentence
 from ...words.message import message, verdict_words
+from ...words.provenance import is_simulated
 from ...words.wording import counted, ended, label, listed, sentence, shown
 from ..style.blocks import (
-    Block,
     Cell,
     Directions,
     Page,
@@ -25,13 +26,13 @@ from ..style.blocks import (
     table_of,
 )
 from .fit_section import diagnosis_section, hold_out_section, intervals_section, robust_section
+from .front import front, offsets_front
 from .geometry_section import geometry_lines
 from .next_steps_section import next_steps_section
 from .outlook_section import outlook_section
 from .parameter_section import (
     errors_sentence,
     offsets_table,
-    offsets_table_of,
     offsets_worth,
     other_tables,
     rehearsal_section,
@@ -45,17 +46,37 @@ from .unobservable import direction_words
 if TYPE_CHECKING:
     from ...experiments.procedure.events import Ended
 
+MOST_CAUTIONS = 3  # on page one
+SIMULATED = "Simulated: no robot was measured"
+
 
 def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Section | None] = ()) -> Page:
-    """A page on a result, whose message stands first."""
+    """A page on a result: what is read first, then sections."""
     content = message(result)
-    verdict = Verdict(content.grade or "held", "", "")
-    present = [section for section in sections if section is not None]
-    return Page(title, subtitle, verdict, [], present, message=content)
+    first = replace(content, cautions=content.cautions[:MOST_CAUTIONS])
+    more = content.cautions[MOST_CAUTIONS:]
+    also = section_of("What else to know", *map(Paragraph, more)) if more else None
+    folds = next((k for k, one in enumerate(sections) if one is not None and one.folded), len(sections))
+    present = [*sections[:folds], also, *sections[folds:]]
+    return Page(
+        title,
+        subtitle,
+        Verdict(content.grade or "held", "", ""),
+        [],
+        [section for section in present if section is not None],
+        message=first,
+        front=front(result),
+        band=SIMULATED if is_simulated(result.inputs.provenance) else "",
+    )
+
+
+def front_page(result: Result) -> Page:
+    """The answer of `analyse`: what is read first."""
+    return replace(page_of("", "", result), sections=[])
 
 
 def brief_page(result: Result) -> Page:
-    """The answer of `analyse`: parameters, what cannot be determined, fit, second opinions. What follows from
+    """The same with parameters, what cannot be determined, fit, second opinions: `--full`. What follows from
     a wrong model is not shown."""
     wrong = result.misfit is not None
     worth = offsets_worth(result) if result.geometry.tolerance is not None else None
@@ -69,7 +90,7 @@ def brief_page(result: Result) -> Page:
         section_of("", offsets_table(result), *_paragraphs(worth, *geometry_lines(result)), *details),
         rehearsal_section(result),
         next_steps_section(result),
-        outlook_section(result, brief=True),
+        outlook_section(result),
         None if wrong or not directions.items else section_of("What cannot be determined", directions),
         section_of(
             "Fit",
@@ -86,32 +107,37 @@ def brief_page(result: Result) -> Page:
 
 def ended_page(answer: Ended) -> Page:
     """The end of `run`: offsets, what was measured and how long it took, what to do next."""
+    table = (
+        []
+        if answer.verifies or not answer.parameters or answer.verdict == "misfit"
+        else [offsets_front(answer.parameters, answer.coverage_factor)]
+    )
+    content, geometry, worth = answer.message, answer.geometry, None
+    if geometry is not None and geometry.tolerance is None and answer.verdict != "misfit":
+        worth = worth_sentence(geometry, answer.parameters, answer.coverage_factor)
     return Page(
         "",
         "",
-        Verdict(answer.message.grade or "held", "", ""),
+        Verdict(content.grade or "held", "", ""),
         [sentence(note) for note in answer.notes],
-        [
-            section_of(
-                "", *([] if answer.verifies else _ended_offsets(answer)), *_paragraphs(*_measured(answer))
-            )
-        ],
-        message=answer.message,
+        [section_of("", *_paragraphs(worth), *_rehearsed(answer), *_paragraphs(*_measured(answer)))],
+        message=replace(content, cautions=content.cautions[:MOST_CAUTIONS]),
+        front=table,
     )
 
 
-def _ended_offsets(answer: Ended) -> Iterator[Block | None]:
-    if not answer.parameters:
-        return
-    wrong, k = answer.verdict == "misfit", answer.coverage_factor
-    geometry = None if wrong else answer.geometry
-    worth = None if geometry is None else worth_sentence(geometry, answer.parameters, k)
-    yield offsets_table_of(answer.parameters, k, None if worth is None else geometry)
-    yield from _paragraphs(worth)
-    truth = None if wrong else truth_table(answer.true, answer.parameters, k)
-    if truth is not None:
-        yield truth
-        yield Paragraph(errors_sentence(answer.true, answer.parameters, k))
+def _rehearsed(answer: Ended) -> list[Paragraph]:
+    """Of a simulated arm, whether the true offsets are within U."""
+    k = answer.coverage_factor
+    if (
+        answer.verifies
+        or answer.verdict == "misfit"
+        or truth_table(answer.true, answer.parameters, k) is None
+    ):
+        return []
+    return _paragraphs(
+        f"True offsets of the simulated arm: {errors_sentence(answer.true, answer.parameters, k)}"
+    )
 
 
 def _measured(answer: Ended) -> Iterator[str]:

@@ -16,6 +16,7 @@ from ...words.outlook_words import (
     plan_command,
     remedy_words,
 )
+from ...words.region_words import region_short
 from ...words.wording import person
 from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
 
@@ -23,26 +24,26 @@ from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_
 def outlook_blocks(
     outlook: Outlook | None, rows: Iterable[OffsetRow], planned: str | None, *, brief: bool
 ) -> list[Block]:
-    """At most three remedies if `brief`, else all, with the commands; `rows` are those of the offsets,
-    `planned` as of `plan_command`. Nothing where none gains anything."""
+    """At most three remedies if `brief`, else all beside the answer as it is, with the commands; `rows` are
+    those of the offsets, `planned` as of `plan_command`. Nothing where none gains anything."""
     if outlook is None or not outlook.worth:
         return []
-    shown = best_remedies(outlook) if brief else list(outlook.remedies)
-    every = [outlook.now, *shown]
-    units = {row.name: row.unit for row in rows if any(row.name in one.U for one in every)}
-    words = [remedy_words(one, outlook.now, units) for one in every]
-    heads = ["largest U"] if brief else [f"U of {person(name)}" for name in units]
-    cells = [
-        row_of(one.remedy, *([one.largest] if brief else one.U), one.tcp_median, one.tcp_95, one.minutes)
-        for one in words
-    ]
-    table = table_of(f"{TITLE}: predicted, k = 2", ["", *heads, *HEADS], cells, "lr")
+    shown = best_remedies(outlook) if brief else [outlook.now, *outlook.remedies]
+    units = {row.name: row.unit for row in rows if any(row.name in one.U for one in shown)}
+    words = [remedy_words(one, outlook.now, units) for one in shown]
+    if brief:
+        head = f"{TITLE} (TCP: {region_short(outlook.region)})"
+        cells = [row_of(one.remedy, one.largest, one.tcp_median, one.minutes) for one in words]
+        return [table_of("", [head, "largest U", "TCP", "time"], cells, "lr")]
+    cells = [row_of(one.remedy, *one.U, one.tcp_median, one.tcp_95, one.minutes) for one in words]
+    heads = ["", *(f"U of {person(name)}" for name in units), *HEADS]
+    table = table_of(f"{TITLE}: predicted, k = 2", heads, cells, "lr")
     commands = [command for row in shown if (command := plan_command(planned, row)) is not None]
     return [table, *map(Paragraph, outlook_notes(outlook)), *([Commands(commands)] if commands else [])]
 
 
-def outlook_section(result: Result, *, brief: bool = False) -> Section | None:
+def outlook_section(result: Result) -> Section | None:
     """Of a run; None where nothing gains anything, or by a model that does not describe it."""
     planned = RunCase.of_result(result).planned
-    blocks = outlook_blocks(result.outlook, result.offsets, planned, brief=brief)
-    return section_of("" if brief else TITLE, *blocks) if blocks else None
+    blocks = outlook_blocks(result.outlook, result.offsets, planned, brief=False)
+    return section_of(TITLE, *blocks) if blocks else None

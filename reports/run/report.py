@@ -7,14 +7,14 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...words.message import message
 from ...words.sentences import to_json
 from ...words.wording import clipped, counted
 from ..output.posterior_file import write_posterior
 from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..scenes.turnable import still_picture
-from ..style.blocks import Page, Verdict
+from ..style.blocks import Page
 from ..style.canvas import Picture
+from .brief_page import page_of
 from .fit_section import (
     diagnosis_section,
     fit_section,
@@ -41,43 +41,39 @@ from .workspace import workspace_picture, workspace_section
 
 def report_page(result: Result) -> Page:
     """All that a report shows."""
-    content = message(result)
     inputs, wrong = result.inputs, result.misfit is not None  # what follows from a wrong model is not shown
     sections = [
         diagnosis_section(result),
         null_motion_section(result),
-        offsets_section(result),
+        None if wrong else unobservable_section(result.parameters, result.identifiability),
         next_steps_section(result),
         outlook_section(result),
         rehearsal_section(result),
-        None if wrong else unobservable_section(result.parameters, result.identifiability),
-        None if wrong else workspace_section(result),
         None if wrong else scene_section(result),
+        None if wrong else workspace_section(result),
     ]
     details = [
+        # Is it true?
         fit_section(result),
-        None if wrong else budget_section(result),
-        None if wrong else geometry_section(result),
+        residuals_section(result),
+        placements_section(result),
         robust_section(result),
         hold_out_section(result),
         predicted_run_section(result),
-        placements_section(result),
+        # What is it made of?
+        offsets_section(result),
+        None if wrong else budget_section(result),
+        None if wrong else geometry_section(result),
         None if wrong else posterior_section(result),
         None if wrong else intervals_section(result),
-        residuals_section(result),
+        # What was put in?
         *inputs_sections(inputs),
         traceability_section(result),
     ]
-    sections += [None if section is None else replace(section, folded=True) for section in details]
-    return Page(
-        f"Joint offsets of {clipped(inputs.robot)}",
-        f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
-        Verdict(content.grade or "held", "", ""),
-        [],
-        [section for section in sections if section is not None],
-        head_facts(result),
-        content,
-    )
+    folded = [None if section is None else replace(section, folded=True) for section in details]
+    title = f"Joint offsets of {clipped(inputs.robot)}"
+    subtitle = f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}"
+    return replace(page_of(title, subtitle, result, [*sections, *folded]), facts=head_facts(result))
 
 
 def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:

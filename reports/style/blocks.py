@@ -6,7 +6,7 @@ HTML templates read the attributes; for typst `pdf` writes them as JSON, a block
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from ...analysis.answer.answer_message import Message
@@ -152,7 +152,31 @@ class Directions:
     kind: ClassVar[str] = "directions"
 
 
-Block = Table | Paragraph | Commands | Facts | Form | Legend | FigureBlock | SceneBlock | Directions
+@dataclass(frozen=True)
+class Bar:
+    """A quantity as a bar: `text` is the number with its unit, `tone` a role of the palette."""
+
+    name: str
+    value: float
+    text: str
+    tone: str
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Quantities to compare, from zero; `shares` of the largest."""
+
+    caption: str
+    rows: Sequence[Bar]
+    kind: ClassVar[str] = "bars"
+    shares: Sequence[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        largest = max((row.value for row in self.rows), default=0.0)
+        object.__setattr__(self, "shares", [row.value / largest if largest else 0.0 for row in self.rows])
+
+
+Block = Table | Paragraph | Commands | Facts | Form | Legend | FigureBlock | SceneBlock | Directions | Bars
 
 
 @dataclass(frozen=True)
@@ -190,7 +214,9 @@ class Verdict:
 @dataclass(frozen=True)
 class Page:
     """A whole report or study. `facts` are in its head: when, which machine, by whom. The `message` of an
-    answer stands in place of the verdict's word and sentence, and of notes."""
+    answer stands in place of the verdict's word and sentence, and of notes. `front` stands on page one
+    between what to do and what the answer rests on; `band`, above the verdict, says that no robot was
+    measured."""
 
     title: str
     subtitle: str
@@ -199,6 +225,8 @@ class Page:
     sections: Sequence[Section]
     facts: Sequence[tuple[str, str]] = ()
     message: Message | None = None
+    front: Sequence[Block] = ()
+    band: str = ""
 
     @property
     def brief(self) -> Page:

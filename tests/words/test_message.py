@@ -88,15 +88,10 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
     worst = max(
         (row for row in result.parameters if row.group == "offset" and row.std), key=lambda row: row.std or 0
     )
-    assert said.verdict.startswith("Pass. J2 (δ2)")
-    assert said.cause == (
-        "This holds if nothing changed during the run, the readings are right to their stated noise and the"
-        " arm and the tool are within their tolerances."
-    )
-    assert said.cautions[0].startswith(
-        "To determine J6 (δ6): measure the laser's mounting and state tool.sigma"
-    )
-    assert any("measure the first postures again at the end" in text for text in said.cautions[1:4])
+    assert said.verdict.startswith("Pass. J2 to J5 are identified, U ≤ ")
+    assert said.cause == ("This holds if nothing changed, readings are right and geometry is as stated.")
+    assert said.cautions[0].startswith("To determine J6: measure the laser's mounting and state tool.sigma")
+    assert any("Repeat the first postures (--repeat)" in text for text in said.cautions[1:4])
     assert said.grade == "pass"
     assert said.verdict.count("k\u00a0=\u00a02") == 1
     assert said.worst is not None
@@ -108,20 +103,22 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
 def test_a_pass_of_no_robot_has_nothing_to_enter() -> None:
     result = analysed("good").result
     said = message(result)
-    assert said.verdict.startswith("Simulated: pass. J2 (δ2)")
-    assert said.grade == "held"
+    assert said.verdict.startswith("Simulated: pass. J2 to J5 are identified")
+    assert (said.grade, said.may.enter) == ("pass", False)
     assert said.action.text.startswith("Enter nothing: no robot was measured")
     assert (said.action.command or "").startswith("zerobeam plan optimal --header good.jsonl --target=")
 
 
-@pytest.mark.parametrize(("tcp_mm", "met", "colour"), [(0.5, "is not met", "weak"), (50.0, "is met", "pass")])
+@pytest.mark.parametrize(
+    ("tcp_mm", "met", "colour"), [(0.5, "does not meet", "weak"), (50.0, "meets", "pass")]
+)
 @pytest.mark.one_in(2)
 def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, met, colour) -> None:
     result = zb.analyse(measured(required={"tcp_mm": tcp_mm}), ess=100).result
     said = message(result)
-    assert said.verdict.startswith(f"Pass; the required {tcp_mm:g}\u00a0mm at the TCP {met}. J2 (δ2)")
+    assert said.verdict.startswith(f"Pass; {met} the required {tcp_mm:g}\u00a0mm. J2 to J5 are")
     assert said.grade == colour
-    assert ("do not release" in said.action.text) == (met == "is not met")
+    assert ("do not release" in said.action.text) == (met == "does not meet")
     assert result.entered is not None
     assert result.entered.tcp_after is not None
     shown = numbers.significant(result.entered.tcp_after.p95_mm, 2, "mm")
@@ -130,7 +127,7 @@ def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, m
 
 def test_a_degenerate_run_names_the_mechanism_and_plans_with_its_own_header() -> None:
     said = message(analysed("x").result)
-    assert said.verdict.startswith("Simulated: degenerate. J2 (δ2) is unidentifiable")
+    assert said.verdict.startswith("Simulated: degenerate. J2 is unidentifiable")
     assert said.cause is not None
     assert said.cause.startswith("Joint 1 varies by only")
     assert said.worst is not None

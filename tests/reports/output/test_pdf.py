@@ -46,18 +46,19 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
     assert reader.metadata.title == "Joint offsets of irb1600"
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
     assert titles == [
-        "Offsets",
+        "What cannot be determined",
         "What to do next",
         "What would make it better",
         "Rehearsal: estimates and true values",
-        "What cannot be determined",
-        "Accuracy of the TCP",
         "Positions of the targets",
+        "Accuracy of the TCP",
+        "What else to know",
         "Fit quality",
-        "Uncertainty budget",
-        "Placements and recordings",
-        "Posterior",
         "Residuals",
+        "Placements and recordings",
+        "Offsets",
+        "Uncertainty budget",
+        "Posterior",
         "Inputs",
         "Traceability",
     ]

@@ -74,13 +74,14 @@ def test_a_check_that_is_degenerate_with_notes() -> None:
         outlook=better(),
         over_target=OverTarget(16, 0.964, {"delta2": 4.99, "delta3": 0.61}),
     )
-    print_page(to, check_page(found))
+    print_page(to, check_page(found, full=True))
     assert_golden("check_x_pattern.txt", text.getvalue())
 
 
 def test_a_check_of_noise_factors_is_in_multiples_of_the_stated() -> None:
     to, text = console()
-    print_page(to, check_page(check(good_plan(14, joint_deg=0.05, noise={"scale": "separate"}))))
+    checked = check(good_plan(14, joint_deg=0.05, noise={"scale": "separate"}))
+    print_page(to, check_page(checked, full=True))
     (row,) = [line for line in text.getvalue().splitlines() if line.startswith("noise.joint")]
     assert row.split("\u00a0times")[0].split()[-1] == "1.0"
     assert row.count("\u00a0times") == 3

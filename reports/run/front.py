@@ -1,0 +1,88 @@
+"""Page one of a run's answer between what to do and what it rests on: the one table, the error of the TCP
+before and after, what would make it better. HTML, PDF, terminal, notebook and app have the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ...analysis.answer.result import Result
+from ...analysis.diagnostics.values_to_enter import Entered, TcpError
+from ...analysis.solution import ParameterResult
+from ...words import numbers
+from ...words.case import RunCase
+from ...words.controllers import taken_by
+from ...words.message import message, offered
+from ...words.numbers import unit_of
+from ...words.region_words import region_short
+from ...words.trust import trusted
+from ...words.wording import NOT_DETERMINED, joints
+from ..style.blocks import Bar, Bars, Block, Cell, Row, Table, row_of, table_of
+from .outlook_section import outlook_blocks
+
+
+def front(result: Result) -> list[Block]:
+    """The blocks; of a wrong model there is none that could be taken for an answer."""
+    return list(_blocks(result))
+
+
+def _blocks(result: Result) -> Iterator[Block]:
+    if result.misfit is not None:
+        return
+    entered = offered(result)
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    yield offsets_front(offsets, result.coverage_factor, *_to_enter(result, entered))
+    if entered is not None:
+        yield from tcp_bars(result, entered)
+    planned = RunCase.of_result(result).planned
+    yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
+
+
+def _to_enter(result: Result, entered: Entered | None) -> tuple[str, Entered | None]:
+    """What the second column is: the values to enter, or the offsets of the arm."""
+    if entered is None or taken_by(result.inputs.vendor) != "offsets":
+        return "offset", None
+    return ("enter" if message(result).may.enter else "would enter"), entered
+
+
+def offsets_front(
+    offsets: Sequence[ParameterResult], k: float, head: str = "offset", entered: Entered | None = None
+) -> Table:
+    """The one table: joint, value, its U, and why it can be trusted or not."""
+    columns = ["joint", head, f"± U ({numbers.coverage(k)})", "trusted"]
+    return table_of("", columns, [_row(row, k, entered) for row in offsets], "lrrl")
+
+
+def _row(row: ParameterResult, k: float, entered: Entered | None) -> Row:
+    """One joint. What is not determined, and of values to enter what is not entered, has no number."""
+    (name,), why = joints([row.name]), Cell(trusted(row), mark=row.status)
+    tone = row.status
+    if row.status == "held":
+        return row_of(name, "", "", why, tone=tone)
+    if row.estimate is None or row.std is None:
+        return row_of(name, Cell(NOT_DETERMINED, span=2), why, tone=tone)
+    unit = unit_of(row.unit)
+    if entered is not None and row.name not in entered.values:
+        return row_of(name, "", "", why, tone=tone)
+    value, u = (
+        (row.estimate, k * row.std)
+        if entered is None
+        else (entered.values[row.name], k * entered.u[row.name])
+    )
+    return row_of(name, numbers.estimate(value, u, unit), numbers.spread(u, unit), why, tone=tone)
+
+
+def tcp_bars(result: Result, entered: Entered) -> Iterator[Bars]:
+    """The error of the TCP before and after the values are entered."""
+    if entered.tcp_before is None or entered.tcp_after is None:
+        return
+    after = "entered" if taken_by(result.inputs.vendor) == "offsets" else "corrected"
+    yield Bars(
+        f"TCP error, median (95 %), {region_short(result.region)}",
+        (_bar("now", entered.tcp_before, "held"), _bar(after, entered.tcp_after, "identified")),
+    )
+
+
+def _bar(name: str, error: TcpError, tone: str) -> Bar:
+    median, most = (numbers.significant(each, 2, "mm") for each in (error.median_mm, error.p95_mm))
+    return Bar(name, error.median_mm, f"{median} ({most})", tone)

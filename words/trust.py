@@ -1,0 +1,103 @@
+"""Which offsets are determined, in one sentence; and why each can be trusted or not, in a few words: the
+last column of the one table of an answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from ..analysis.observability.causes import AsGoodAs, Cause, Held
+from ..analysis.status import Status
+from ..model.likelihood.parameters import HeldBy
+from . import numbers
+from .entries import NONE_ESTIMATED
+from .observability import part_of, size_of
+from .wording import Namer, joints, listed, person
+
+_HELD_BY: dict[HeldBy, str] = {
+    "base frame": "held: base frame",
+    "tool rotation": "held: free tool",
+    "first link": "held: base frame",
+    "free tool": "held: free tool",
+    "header": "held by the header",
+}
+
+
+def offsets_sentence(rows: Sequence[_Offset], k: float, name: Namer = person) -> str:
+    """Which offsets are determined, in one short sentence, the gravest first: `J2 to J5 are identified,
+    U ≤ 0.17° (k = 2); J6 assumed.` Their table says why."""
+    by_status = {status: [row for row in rows if row.status == status] for status in _SAID_OF}
+    parts = []
+    for status, of_status in by_status.items():
+        if not of_status:
+            continue
+        subject = joints([row.name for row in of_status], name)
+        verb = "is" if len(of_status) == 1 else "are"
+        text = _SAID_OF[status].format(
+            f"{listed(subject)} {verb}" if status != "assumed" else listed(subject)
+        )
+        if status == "identified" and not by_status["weak"] and not by_status["unidentifiable"]:
+            text += f", {_at_most(of_status, k)} ({numbers.coverage(k)})"
+        if status == "weak" and not by_status["unidentifiable"]:
+            text += f", {_at_most(of_status, k)}"
+        parts.append(text)
+    return f"{'; '.join(parts)}." if parts else NONE_ESTIMATED
+
+
+class _Offset(Protocol):
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def status(self) -> Status: ...
+    @property
+    def std(self) -> float | None: ...
+
+
+_SAID_OF: dict[Status, str] = {
+    "unidentifiable": "{} unidentifiable",
+    "weak": "{} weak",
+    "identified": "{} identified",
+    "assumed": "{} assumed",
+}
+
+
+def _at_most(rows: Sequence[_Offset], k: float) -> str:
+    """The largest expanded uncertainty of offsets, by unit."""
+    largest: dict[str, float] = {}
+    for row in rows:
+        largest[row.unit] = max(largest.get(row.unit, 0.0), k * (row.std or 0.0))
+    return f"U ≤ {' and '.join(numbers.spread(u, numbers.unit_of(unit)) for unit, u in largest.items())}"
+
+
+class _Row(Protocol):
+    @property
+    def status(self) -> Status: ...
+    @property
+    def cause(self) -> Cause | None: ...
+
+
+def trusted(row: _Row) -> str:
+    """Yes or no, and by what."""
+    cause = row.cause
+    match row.status:
+        case "held":
+            return _HELD_BY[cause.by] if isinstance(cause, Held) else "held"
+        case "identified" if isinstance(cause, AsGoodAs):
+            stated = dict.fromkeys(f"the stated {one.part}" for one in cause.of)
+            return f"yes, by {listed(list(stated))}"
+        case "identified":
+            return "yes"
+        case "assumed" if isinstance(cause, AsGoodAs):
+            parts = dict.fromkeys(f"{part_of(one).removeprefix('the ')} {size_of(one)}" for one in cause.of)
+            return f"no: {listed(list(parts))} assumed"
+        case "assumed":
+            return "no: assumed"
+        case "weak":
+            return "no: weak"
+        case "unvalidated":
+            return "no: the model does not fit"
+        case "unidentifiable":
+            return "no: unidentifiable"
