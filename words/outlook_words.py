@@ -67,8 +67,8 @@ def _remedy(row: OutlookRow) -> str:
         case "repeat":
             return "first two postures again"
         case "mounting":
-            to = listed([f"{_size(key, std)} ({key})" for key, std in row.state.items()])
-            return f"mounting measured to {to}"
+            sizes = listed([_size(key, std) for key, std in row.state.items()])
+            return f"mounting measured to {sizes}"
         case "links":
             return "links entered too"
 

@@ -91,8 +91,8 @@ def trusted(row: _Row) -> str:
         case "identified":
             return "yes"
         case "assumed" if isinstance(cause, AsGoodAs):
-            parts = dict.fromkeys(f"{part_of(one).removeprefix('the ')} {size_of(one)}" for one in cause.of)
-            return f"no: {listed(list(parts))} assumed"
+            parts = [f"{part_of(one).removeprefix('the ')} assumed {size_of(one)}" for one in cause.of]
+            return f"no: {listed(list(dict.fromkeys(parts)))}"
         case "assumed":
             return "no: assumed"
         case "weak":
