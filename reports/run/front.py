@@ -17,7 +17,8 @@ from ...words.numbers import unit_of
 from ...words.region_words import region_short
 from ...words.trust import trusted
 from ...words.wording import NOT_DETERMINED, joints
-from ..style.blocks import Bar, Bars, Block, Cell, Row, Table, row_of, table_of
+from ..scenes.null_motion_picture import NAME
+from ..style.blocks import Bar, Bars, Block, Cell, FigureBlock, Row, Table, row_of, table_of
 from .outlook_section import outlook_blocks
 
 
@@ -32,6 +33,8 @@ def _blocks(result: Result) -> Iterator[Block]:
     entered = offered(result)
     offsets = [row for row in result.parameters if row.group == "offset"]
     yield offsets_front(offsets, result.coverage_factor, *_to_enter(result, entered))
+    if result.null_motion is not None:
+        yield FigureBlock(NAME)
     if entered is not None:
         yield from tcp_bars(result, entered)
     planned = RunCase.of_result(result).planned

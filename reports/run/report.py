@@ -25,7 +25,7 @@ from .fit_section import (
 from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
 from .next_steps_section import next_steps_section
-from .null_motion_section import null_motion_picture_of, null_motion_section
+from .null_motion_section import null_motion_picture_of
 from .outlook_section import outlook_section
 from .parameter_section import offsets_picture, offsets_section, rehearsal_section
 from .placement_section import placements_picture, placements_section
@@ -44,7 +44,6 @@ def report_page(result: Result) -> Page:
     inputs, wrong = result.inputs, result.misfit is not None  # what follows from a wrong model is not shown
     sections = [
         diagnosis_section(result),
-        null_motion_section(result),
         None if wrong else unobservable_section(result.parameters, result.identifiability),
         next_steps_section(result),
         outlook_section(result),
