@@ -51,9 +51,9 @@ def motion_words(motion: NullSpaceMotion, direction: NullDirection, measured: in
         new_posture="A posture that ends it",
         motion=f"{joint} from {less} to {more}",
         caption=(
-            f"The null-space motion: the arm in {len(motion.shots)} of"
-            f" {counted(measured, motion.like)} at both ends. In grey: the first of them at the"
-            f" ends{way}.{larger} No place here is an estimate."
+            "The null-space motion: both ends fit the readings equally. The arm in"
+            f" {len(motion.shots)} of {counted(measured, motion.like)} at both ends. In grey: the first of"
+            f" them at the ends{way}.{larger} No place here is an estimate."
         ),
         alt=(
             f"The arm at both ends of the null-space motion, {joint} {less} and {joint} {more}"

@@ -86,8 +86,8 @@ def trusted(row: _Row) -> str:
         case "held":
             return _HELD_BY[cause.by] if isinstance(cause, Held) else "held"
         case "identified" if isinstance(cause, AsGoodAs):
-            stated = dict.fromkeys(f"the stated {one.part}" for one in cause.of)
-            return f"yes, by {listed(list(stated))}"
+            parts = [f"the stated {one.part}" for one in cause.of]
+            return f"yes, by {listed(list(dict.fromkeys(parts)))}"
         case "identified":
             return "yes"
         case "assumed" if isinstance(cause, AsGoodAs):

@@ -15,8 +15,11 @@ from ..style.canvas import MovingPicture
 
 
 def null_motion_section(result: Result) -> Section | None:
-    """The section of a degenerate run; None of any other."""
-    return motion_section(result.null_motion, result.identifiability.null_space, len(result.shots))
+    """What a degenerate run's picture, which is on page one, shows; None of any other."""
+    section = motion_section(result.null_motion, result.identifiability.null_space, len(result.shots))
+    if section is None:
+        return None
+    return section_of(section.title, *(block for block in section.all if not isinstance(block, FigureBlock)))
 
 
 def null_motion_picture_of(result: Result) -> MovingPicture | None:

@@ -25,7 +25,7 @@ from .fit_section import (
 from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
 from .next_steps_section import next_steps_section
-from .null_motion_section import null_motion_picture_of
+from .null_motion_section import null_motion_picture_of, null_motion_section
 from .outlook_section import outlook_section
 from .parameter_section import offsets_picture, offsets_section, rehearsal_section
 from .placement_section import placements_picture, placements_section
@@ -45,6 +45,7 @@ def report_page(result: Result) -> Page:
     sections = [
         diagnosis_section(result),
         None if wrong else unobservable_section(result.parameters, result.identifiability),
+        null_motion_section(result),
         next_steps_section(result),
         outlook_section(result),
         rehearsal_section(result),

@@ -58,7 +58,16 @@ def test_the_keys_are_those_of_the_design() -> None:
         *("geometry", "posterior", "shots", "distances", "angles", "intervals", "accuracy", "budget"),
         "robust",
         "hold_out",
-        *("placements", "scene", "misfit", "diagnosis", "enter", "enter_geometry", "conformity"),
+        *(
+            "placements",
+            "scene",
+            "null_motion",
+            "misfit",
+            "diagnosis",
+            "enter",
+            "enter_geometry",
+            "conformity",
+        ),
         *("region", "power", "taken_as_known", "outlook", "notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [

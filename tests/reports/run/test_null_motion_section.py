@@ -24,6 +24,7 @@ from zerobeam.reports.run.null_motion_section import (
 )
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.scenes.null_motion_picture import NAME
+from zerobeam.reports.style.blocks import FigureBlock
 from zerobeam.reports.style.canvas import MovingPicture
 
 _SVG = "{http://www.w3.org/2000/svg}"
@@ -78,7 +79,9 @@ def test_the_words_say_that_both_fit_and_that_neither_is_known() -> None:
     assert "psd moves with it. Every beam still meets its target." in text
     assert "A posture that ends it: J1 " in text
     assert picture().title.endswith("No place here is an estimate.")
-    assert section in report_page(x_pattern()).sections
+    page = report_page(x_pattern())
+    assert section in page.sections
+    assert FigureBlock(NAME) in page.front
 
 
 def test_what_is_drawn_larger_says_so() -> None:
