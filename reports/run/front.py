@@ -72,6 +72,8 @@ def _row(row: ParameterResult, k: float, entered: Entered | None) -> Row:
         if entered is None
         else (entered.values[row.name], k * entered.u[row.name])
     )
+    if entered is not None and row.status == "identified" and entered.status.get(row.name) == "weak":
+        why = Cell("weak, the best for the TCP", mark="weak")
     return row_of(name, numbers.estimate(value, u, unit), numbers.spread(u, unit), why, tone=tone)
 
 
