@@ -66,6 +66,7 @@ _GROUPS: dict[str, Callable[[], typer.Typer]] = {
     "import": lambda: _loaded("importing").imports(),
     "study": lambda: _loaded("studying").studies,
     "export": lambda: _loaded("exporting").exports(),
+    "positions": lambda: _loaded("positions").positions,
     "history": lambda: _loaded("certificates").histories,  # the last of the modules of this group
 }
 

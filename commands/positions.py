@@ -1,0 +1,108 @@
+"""`zerobeam positions`: taught positions of a backup shown, converted, put back."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..experiments.positions.positions_options import BackupOptions, ZeroOptions
+from ..model.options import Option, argument
+from .console import out as console
+from .console import say, show_answer
+from .formats import Group
+from .shared_options import Json
+
+if TYPE_CHECKING:
+    from ..experiments.positions.conversion import Conversion
+
+positions = Group(
+    help="Taught positions of programs: keep their places when zeros were entered.", no_args_is_help=True
+)
+BackupPath = Annotated[
+    Path, argument("Backup of the controller: a folder, or one file (RAPID .mod; KRL .src, .dat; FANUC .ls).")
+]
+NewFolder = Annotated[Path, Option("Folder for the converted files, empty or new.", "-o --out")]
+
+
+@positions.of_options("show")
+def show(backup: BackupPath, *, as_json: Json = False) -> None:
+    """What is found in a backup: positions, tools, frames, computed targets. Nothing is converted."""
+    from ..experiments.converted_programs import shown_programs
+
+    _show(shown_programs(backup), as_json)
+
+
+@positions.of_options("keep")
+def keep(
+    backup: BackupPath,
+    folder: NewFolder,
+    *,
+    zeros: ZeroOptions,
+    choices: BackupOptions,
+    as_json: Json = False,
+) -> None:
+    """Zeros were entered at the controller: positions are rewritten so that the arm comes to the same places.
+
+    Nothing is written unless all positions can be converted. Statements stay as they are.
+    """
+    from ..experiments.converted_programs import kept_programs
+
+    _write(kept_programs(backup, zeros, choices, folder), folder, as_json)
+
+
+@positions.of_options("reach")
+def reach(
+    backup: BackupPath,
+    folder: NewFolder,
+    run: Annotated[Path, Option("Run with the calibration of the arm.", metavar="RUN")],
+    *,
+    choices: BackupOptions,
+    as_json: Json = False,
+) -> None:
+    """Nothing is entered at the controller: calculated positions are rewritten so that the arm reaches them.
+
+    For positions that were calculated, by CAM or offline programming. Those that were taught on this arm hold
+    its errors already: leave them out.
+    """
+    from ..experiments.converted_programs import reached_programs
+
+    _write(reached_programs(backup, run, choices, folder), folder, as_json)
+
+
+@positions.of_options("restore")
+def restore(
+    folder: Annotated[Path, argument("Folder of a conversion, with its audit.json.")], out: NewFolder
+) -> None:
+    """The old files of a conversion, byte by byte, into another folder."""
+    from ..experiments.positions.audit import restored
+    from ..model.errors import BadInput
+    from ..model.files.whole_file import refuse_existing, write_whole
+
+    content = restored(folder)
+    if out.is_dir() and any(out.iterdir()):
+        raise BadInput("the folder is not empty", file=out, remedy="name another one")
+    if not out.is_dir():
+        refuse_existing(out)
+    for name, old in content.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(out / name, old)
+        say(f"Restored to {out / name}")
+
+
+def _show(answer: "Conversion", as_json: bool) -> None:
+    from ..reports.positions.positions_page import positions_page
+
+    show_answer(as_json, answer, lambda: positions_page(answer).brief)
+
+
+def _write(answer: "Conversion", folder: Path, as_json: bool) -> None:
+    """Show the answer, and write it where all of it is converted; exit status 1 where not."""
+    from ..reports.positions.positions_folder import write_conversion
+
+    if not answer.converted:
+        _show(answer, as_json)
+        raise typer.Exit(1)
+    written = write_conversion(folder, answer)
+    _show(answer, as_json)
+    if not as_json:
+        say(f"Written to {written.folder}: {len(answer.files)} files, positions.html, audit.json", to=console)

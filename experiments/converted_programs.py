@@ -1,0 +1,236 @@
+"""Taught programs of an arm: what is in a backup, and its positions converted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ..model.arrays import Matrix
+from ..model.errors import BadInput
+from ..model.files.robot_file import load_robot
+from ..model.files.run import Run, read_run
+from ..model.kinematics.orientation import stated_numbers
+from ..model.kinematics.pendant import Pendant, pendant_of
+from ..model.kinematics.robot import Robot
+from ..words.provenance import KEYS, SERIAL, by_plain_key, provenance_entry
+from .makers.calibration import RobotCalibration, calibration
+from .makers.fanuc.backup import read_fanuc_backup
+from .makers.maker import require_vendor, vendor_of
+from .positions.arm_change import ArmChange, kept, reached, up_to_flange
+from .positions.audit import require_not_converted
+from .positions.conversion import Conversion, EnteredJoint, StatedFrames, converted_backup, shown_backup
+from .positions.entered_zeros import require_zeros, typed_zeros
+from .positions.position import PositionLanguage, What
+from .positions.positions_options import BackupOptions, ZeroOptions
+from .positions.program_backup import Backup, read_backup
+
+_LINES = re.compile(r"(?P<file>.+):(?P<first>\d+)(?:-(?P<last>\d+))?")
+_ROBROOT = (
+    "The arm's base is taken to be at 0 of the world: the backup does not say where it is (--base, if it is"
+    " elsewhere)."
+)
+
+
+def shown_programs(path: Path, vendor: str | None = None) -> Conversion:
+    """What is in the backup at `path`; nothing is converted."""
+    return shown_backup(read_backup(path, vendor))
+
+
+def kept_programs(
+    path: Path, zeros: ZeroOptions, choices: BackupOptions, out: Path | None = None
+) -> Conversion:
+    """The backup for an arm whose zeros were entered: its positions keep their places."""
+    stated_ways = [
+        zeros.entered is not None,
+        zeros.run is not None,
+        zeros.old_mastering is not None or zeros.new_mastering is not None,
+    ]
+    if sum(stated_ways) != 1:
+        raise BadInput(
+            "which zeros were entered?" if not any(stated_ways) else "the zeros are stated more than once",
+            allowed="one of --entered J2=…,J3=…, --run RUN, --old-mastering and --new-mastering",
+        )
+    run = None if zeros.run is None else read_run(zeros.run)
+    robot = _robot(zeros.robot, run)
+    if run is not None:
+        judged = calibration(run)
+        entered = np.array([one.applied if one.exported else 0.0 for one in judged.offsets])
+        source = f"the values to enter of {run.path.name}"
+    elif zeros.entered is not None:
+        entered, source = typed_zeros(zeros.entered, robot), "--entered"
+    else:
+        entered, source = _mastered(zeros, robot), "mastering before and after"
+    require_zeros(entered)
+    change, undo = kept(entered)
+    about = _about("keep", robot, run, source)
+    joints = tuple(EnteredJoint(f"J{i}", float(value)) for i, value in enumerate(entered, start=1) if value)
+    about = replace(about, entered=joints)
+    return _converted(path, robot, run, choices, lambda arm: (change, undo), about, out)
+
+
+def reached_programs(path: Path, run: Path, choices: BackupOptions, out: Path | None = None) -> Conversion:
+    """The backup with calculated positions for the true arm of a run: nothing was entered."""
+    recorded = read_run(run)
+    judged = calibration(recorded, holds="postures")
+
+    def changes(nominal: Robot) -> tuple[Callable[[Matrix], Matrix], Callable[[Matrix], Matrix]]:
+        offsets = np.array([one.applied_rad for one in judged.offsets])
+        true = up_to_flange(judged.corrected, recorded.robot)
+        return reached(nominal, true, offsets, judged.posture_offsets)
+
+    about = _about("reach", recorded.robot, recorded, f"the calibration of {recorded.path.name}")
+    return _converted(path, recorded.robot, recorded, choices, changes, about, out, judged)
+
+
+def _robot(name: str | None, run: Run | None) -> Robot:
+    if (name is None) == (run is None):
+        raise BadInput(
+            "which arm is it?" if name is None else "--run names the arm already",
+            allowed="--robot NAME or FILE with --entered or mastering; --run RUN alone",
+        )
+    if run is not None:
+        return run.robot
+    assert name is not None
+    return load_robot(name)
+
+
+def _about(command: Literal["keep", "reach"], robot: Robot, run: Run | None, source: str) -> Conversion:
+    return Conversion(
+        command=command,
+        backup="",
+        language="",
+        robot=robot.name,
+        source=source,
+        run_sha256=None if run is None else run.sha256,
+    )
+
+
+def _mastered(zeros: ZeroOptions, robot: Robot) -> Matrix:
+    """(n,) degrees by which joints read more with the new master counts than with the old ones."""
+    if zeros.old_mastering is None or zeros.new_mastering is None:
+        raise BadInput("one of two masterings is missing", allowed="--old-mastering and --new-mastering")
+    if vendor_of(robot) not in (None, "fanuc"):
+        raise BadInput(
+            "master counts are read from backups of FANUC controllers",
+            found=robot.name,
+            remedy="state --entered",
+        )
+    old, new = (read_fanuc_backup(path, robot.n) for path in (zeros.old_mastering, zeros.new_mastering))
+    if (
+        old.model != new.model
+        or old.per_degree != new.per_degree
+        or not np.array_equal(old.coupling, new.coupling)
+    ):
+        raise BadInput("the two backups are not of one arm", found=f"{old.model}, {new.model}")
+    counts = (np.array(old.master) - np.array(new.master)) / np.array(old.per_degree)
+    entered = np.asarray(old.coupling @ counts)
+    if old.encoder3 == "ground":
+        entered[2] += entered[1]
+    return entered
+
+
+def _converted(
+    path: Path,
+    robot: Robot,
+    run: Run | None,
+    choices: BackupOptions,
+    changes: Callable[[Robot], tuple[Callable[[Matrix], Matrix], Callable[[Matrix], Matrix]]],
+    about: Conversion,
+    out: Path | None,
+    judged: RobotCalibration | None = None,
+) -> Conversion:
+    backup = read_backup(path, vendor_of(robot))
+    language = backup.language
+    vendor = require_vendor(
+        robot, language.vendor, f"a backup in {language.name}", "name the arm of this backup"
+    )
+    folder = path if path.is_dir() else path.parent
+    beside = [] if out is None else [out.parent, out]
+    require_not_converted(backup, folder, folder.parent, *beside)
+    _require_this_arm(backup, robot, run)
+    nominal = up_to_flange(robot, robot)
+    pendant = pendant_of(robot, choices.j3, "fanuc") if language.vendor == "fanuc" else Pendant(robot)
+    near = None
+    if choices.near is not None:
+        near = pendant.between_links(np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…")))
+    arm = ArmChange(nominal, language, pendant, *changes(nominal), near)
+    frames = StatedFrames(
+        _poses(choices.tools, choices.frames, "", language),
+        _poses(choices.new_tools, choices.new_frames, "new-", language),
+        None if choices.base is None else _pose(choices.base, "--base", language)[1],
+    )
+    notes = [note for note in (vendor, pendant.counting) if note]
+    if frames.base is None and backup.reading.base is None:
+        notes.append(_ROBROOT)
+    if judged is not None:
+        notes += judged.warnings
+    about = replace(about, backup=path.name, language=language.name, notes=tuple(notes))
+    return converted_backup(backup, arm, frames, _accepted(choices.accept), about)
+
+
+def _require_this_arm(backup: Backup, robot: Robot, run: Run | None) -> None:
+    """BadInput where the backup is of another model or of an arm with another serial number."""
+    model, serial = backup.reading.model, backup.reading.serial
+    if model is not None and not _alike(model[2], robot.name):
+        raise BadInput(
+            "the backup is of another model",
+            found=f"{model[2]}; the arm is {robot.name}",
+            remedy="name the arm of this backup; if it is this one, give its robot file that name (name: …)",
+            file=model[0].name,
+            line=model[1],
+        )
+    if serial is None or run is None:
+        return
+    of_run = provenance_entry(by_plain_key(run.header.provenance), KEYS[SERIAL])
+    if of_run and _plain(of_run) != _plain(serial[2]):
+        raise BadInput(
+            "the backup is of another arm",
+            found=f"serial number {serial[2]}; that of the run is {of_run}",
+            file=serial[0].name,
+            line=serial[1],
+        )
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", text.lower())
+
+
+def _alike(model: str, name: str) -> bool:
+    """Whether a model as a controller has it may be the robot of this name."""
+    one, other = _plain(model), _plain(name)
+    return one.startswith(other) or other.startswith(one) or one in other or other in one
+
+
+def _poses(
+    tools: Sequence[str], frames: Sequence[str], word: str, language: PositionLanguage
+) -> dict[tuple[What, str], Matrix]:
+    poses: dict[tuple[What, str], Matrix] = {}
+    kinds: tuple[tuple[What, Sequence[str]], ...] = (("tool", tools), ("frame", frames))
+    for what, texts in kinds:
+        for text in texts:
+            name, pose = _pose(text, f"--{word}{what}", language)
+            poses[what, name] = pose
+    return poses
+
+
+def _pose(text: str, option: str, language: PositionLanguage) -> tuple[str, Matrix]:
+    name, _, values = text.rpartition("=")
+    count = language.form.split(" ")[0].count(",") + 1
+    name = name.strip() if language.case_sensitive else name.strip().lower()
+    return name, language.pose(stated_numbers(values, count, option, f"[NAME=]{language.form}"))
+
+
+def _accepted(texts: Sequence[str]) -> set[tuple[str, int]]:
+    lines: set[tuple[str, int]] = set()
+    for text in (part.strip() for each in texts for part in each.split(",")):
+        match = _LINES.fullmatch(text)
+        if match is None:
+            raise BadInput("--accept is not understood", found=text, allowed="FILE:LINE or FILE:FIRST-LAST")
+        first, last = int(match["first"]), int(match["last"] or match["first"])
+        lines |= {(match["file"], line) for line in range(first, min(last, first + 100_000) + 1)}
+    return lines

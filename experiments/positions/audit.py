@@ -1,0 +1,84 @@
+"""The audit of a conversion: what was converted is not converted again, and can be put back byte by byte."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from ...model.errors import BadInput
+from ...model.parsing.reading import read_bytes
+from ...model.records import read
+from .conversion import POSITIONS_SCHEMA, Conversion, TextEdit, positions_sha256
+from .program_backup import AUDIT, Backup
+
+
+def read_audit(path: Path) -> Conversion:
+    """The audit.json of a conversion, or that in a folder."""
+    path = path / AUDIT if path.is_dir() else path
+    try:
+        return read(Conversion, read_bytes(path))
+    except ValueError as error:
+        raise BadInput("this is no audit of a conversion", found=str(error), file=path) from None
+
+
+def require_not_converted(backup: Backup, *folders: Path) -> None:
+    """BadInput where a file of the backup, or all of its positions, are those that a conversion has written
+    whose audit is in one of the folders, or in a folder beside."""
+    by_file = {
+        name: positions_sha256([one for one in backup.reading.positions if one.file.name == name])
+        for name in {one.file.name for one in backup.reading.positions}
+    }
+    hashes = {hashlib.sha256(each).hexdigest(): name for name, each in backup.content.items()}
+    for path in _audits(*folders):
+        audit = read_audit(path)
+        for one in audit.files:
+            name = hashes.get(one.new_sha256) or next(
+                (name for name, each in by_file.items() if each == one.positions_sha256), None
+            )
+            if name is not None:
+                raise BadInput(
+                    "this backup was converted before: its positions would move a second time",
+                    found=f"{name}, as {path} says ({audit.command}, {audit.source})",
+                    allowed="the backup as it was before",
+                    remedy=f"zerobeam positions restore {path.parent} -o FOLDER puts it back",
+                    file=backup.path,
+                )
+
+
+def _audits(*folders: Path) -> Iterator[Path]:
+    looked = {folder.resolve() for folder in folders if folder.is_dir()}
+    for folder in sorted(looked):
+        for each_folder in [folder, *sorted(each for each in folder.iterdir() if each.is_dir())]:
+            path = each_folder / AUDIT
+            if path.is_file() and POSITIONS_SCHEMA.encode() in path.read_bytes()[:200]:
+                yield path
+
+
+def restored(folder: Path) -> dict[str, bytes]:
+    """The old bytes of all files that a conversion wrote to a folder, by their paths.
+
+    BadInput where one of them is no longer as it was written.
+    """
+    audit, content = read_audit(folder), {}
+    for one in audit.files:
+        new = read_bytes(folder / one.file)
+        if hashlib.sha256(new).hexdigest() != one.new_sha256:
+            raise BadInput(
+                "the file was changed after the conversion, so that the old one does not follow from it",
+                remedy="take it from the backup that was converted",
+                file=folder / one.file,
+            )
+        old = _undone(new, one.edits)
+        if hashlib.sha256(old).hexdigest() != one.sha256:
+            raise BadInput("the audit does not give the old file", file=folder / AUDIT)
+        content[one.file] = old
+    return content
+
+
+def _undone(content: bytes, edits: tuple[TextEdit, ...]) -> bytes:
+    text = content.decode("latin-1")
+    for edit in edits:
+        start = edit.start
+        text = text[:start] + edit.old + text[start + len(edit.new) :]
+    return text.encode("latin-1")

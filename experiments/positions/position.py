@@ -1,0 +1,363 @@
+"""What a reader finds in a backup: positions with the bytes of their numbers, tools and frames, statements
+that name positions, and what is relative, computed or stored elsewhere.
+
+A file is text of which each letter is one byte (Latin-1), so that places are bytes and all else stays.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from ...model.kinematics.robot import PendantUnit
+
+if TYPE_CHECKING:
+    from ...model.arrays import Matrix
+    from ...model.files.robot_file import Vendor
+    from ...model.kinematics.branches import Branch
+
+Span = tuple[int, int]
+What = Literal["tool", "frame"]
+Doubt = Literal["relative", "computed", "elsewhere", "call", "group"]
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file of a backup: `name` is its path in it, with slashes; `remark` the pattern of its remarks."""
+
+    name: str
+    text: str
+    remark: str = r"(?!)"
+
+    @cached_property
+    def bare(self) -> str:
+        """The text with blanks for remarks and for what is in strings, every letter in its place."""
+        return re.sub(
+            rf'"[^"\n]*"|{self.remark}',
+            lambda part: (
+                f'"{" " * (len(part[0]) - 2)}"' if part[0][0] == '"' else re.sub(r"[^\n]", " ", part[0])
+            ),
+            self.text,
+        )
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        return [0, *(match.end() for match in re.finditer(r"\n", self.text))]
+
+    def line(self, pos: int) -> int:
+        return bisect_right(self._starts, pos)
+
+    @property
+    def suffix(self) -> str:
+        """The ending of its name in small letters."""
+        return "." + self.name.rpartition(".")[2].lower()
+
+    @property
+    def stem(self) -> str:
+        """Its name without folders and ending, in small letters."""
+        return self.name.rpartition("/")[2].rpartition(".")[0].lower()
+
+
+@dataclass(frozen=True)
+class TaughtPosition:
+    """One literal of a position: a pose, or joints of the `axes` (from 0), in `spans` of its file's text.
+
+    `name` is that by which statements name it, unique in the backup, `label` that of people. `tool` and
+    `frame` are names where its own data state them; `configuration` has the texts of `configuration_spans`.
+    A `register` holds a place or an offset: it is a position where a statement moves to it.
+    """
+
+    file: SourceFile
+    name: str
+    label: str
+    line: int
+    kind: Literal["pose", "joints"]
+    spans: tuple[Span, ...]
+    tool: str | None = None
+    frame: str | None = None
+    axes: tuple[int, ...] = ()
+    configuration_spans: tuple[Span, ...] = ()
+    group: int = 1
+    register: bool = False
+
+    @cached_property
+    def values(self) -> tuple[float, ...]:
+        """Its numbers, in the units of its language."""
+        return tuple(float(self.file.text[start:end]) for start, end in self.spans)
+
+    @property
+    def configuration(self) -> tuple[str, ...]:
+        return tuple(self.file.text[start:end] for start, end in self.configuration_spans)
+
+
+@dataclass(frozen=True)
+class FramePose:
+    """A tool or frame that a backup defines; `pose` None where it says nothing fixed, and `why` then."""
+
+    file: SourceFile
+    line: int
+    pose: Matrix | None
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A statement that moves to positions by their names, with this tool and frame (None: it says none)."""
+
+    file: SourceFile
+    line: int
+    names: tuple[str, ...]
+    tool: str | None = None
+    frame: str | None = None
+
+
+@dataclass(frozen=True)
+class DoubtfulLine:
+    """A line that a person must look at. `name` is the position that an `offset` (x, y, z, mm) is added to;
+    `offset` None: not in numbers."""
+
+    file: SourceFile
+    line: int
+    kind: Doubt
+    sentence: str
+    name: str | None = None
+    offset: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class RefusedLine:
+    """A line for which the backup cannot be converted."""
+
+    file: SourceFile
+    line: int
+    sentence: str
+
+
+@dataclass
+class BackupReading:
+    """What is found in the files of a backup; a reader adds to it, `finished` judges names.
+
+    `base` is the arm's base in the world, where the backup states it; `model` and `serial` of the arm."""
+
+    files: Sequence[SourceFile]
+    positions: list[TaughtPosition] = field(default_factory=list)
+    frames: dict[tuple[What, str], FramePose] = field(default_factory=dict)
+    statements: list[Statement] = field(default_factory=list)
+    doubtful: list[DoubtfulLine] = field(default_factory=list)
+    refused: list[RefusedLine] = field(default_factory=list)
+    overwritten: list[tuple[SourceFile, int, str, str]] = field(default_factory=list)
+    added: set[str] = field(default_factory=set)  # registers that statements add to places
+    base: Matrix | None = None
+    model: tuple[SourceFile, int, str] | None = None
+    serial: tuple[SourceFile, int, str] | None = None
+
+    def add(
+        self,
+        file: SourceFile,
+        pos: int,
+        name: str,
+        label: str,
+        spans: Sequence[Span],
+        configuration: Sequence[Span] = (),
+        *,
+        axes: Sequence[int] | None = None,
+        external: Sequence[float] = (),
+        **others: Any,
+    ) -> None:
+        """A position at `pos`: joints where `axes` are stated, else a pose; `external` axes must be 0."""
+        if any(external):
+            self.refuse(
+                file, pos, f"{label} has positions of external axes, which may carry the arm or the work"
+            )
+            return
+        kind: Literal["pose", "joints"] = "pose" if axes is None else "joints"
+        one = TaughtPosition(file, name, label, file.line(pos), kind, tuple(spans), **others)
+        one = replace(one, axes=tuple(axes or ()), configuration_spans=tuple(configuration))
+        self.positions.append(one)
+
+    def frame(
+        self, file: SourceFile, pos: int, what: What, name: str, pose: Matrix | None, why: str = ""
+    ) -> None:
+        """A tool or frame that the backup defines."""
+        if (what, name) in self.frames:
+            self.refuse(
+                file, pos, f"the {what} {name} is defined twice: convert the backup of one task alone"
+            )
+        self.frames[what, name] = FramePose(file, file.line(pos), pose, why)
+
+    def refuse(self, file: SourceFile, pos: int, sentence: str) -> None:
+        """A line for which nothing is converted."""
+        self.refused.append(RefusedLine(file, file.line(pos), sentence))
+
+    def computed(self, file: SourceFile, pos: int, text: str) -> None:
+        """A goal that is known when the program runs."""
+        self.doubt(file, pos, "computed", f"{text[:40]} is computed when the program runs")
+
+    def doubt(
+        self,
+        file: SourceFile,
+        pos: int,
+        kind: Doubt,
+        sentence: str,
+        name: str | None = None,
+        offset: tuple[float, ...] | None = None,
+    ) -> None:
+        """A line that a person must look at."""
+        self.doubtful.append(DoubtfulLine(file, file.line(pos), kind, sentence, name, offset))
+
+    def moves(
+        self,
+        file: SourceFile,
+        pos: int,
+        names: Sequence[str],
+        tool: str | None = None,
+        frame: str | None = None,
+    ) -> None:
+        """A statement moves to these positions."""
+        self.statements.append(Statement(file, file.line(pos), tuple(names), tool, frame))
+
+    def overwrites(self, file: SourceFile, pos: int, name: str, label: str) -> None:
+        """A statement changes a position when the program runs."""
+        self.overwritten.append((file, file.line(pos), name, label))
+
+    def of(self, names: Sequence[str]) -> BackupReading:
+        """What is found in these files, with the tools and frames of all."""
+        return replace(
+            self,
+            positions=[one for one in self.positions if one.file.name in names],
+            statements=[one for one in self.statements if one.file.name in names],
+            doubtful=[one for one in self.doubtful if one.file.name in names],
+            refused=[one for one in self.refused if one.file.name in names],
+            overwritten=[one for one in self.overwritten if one[0].name in names],
+        )
+
+    def finished(self) -> BackupReading:
+        """What follows of names: stored elsewhere, overwritten, with several tools or frames. Each position
+        then has the tool and the frame of its own data or of the statements that move to it."""
+        self._leave_registers()
+        stored = {one.name for one in self.positions}
+        for file, line, name, label in self.overwritten:
+            if name in stored:
+                self.refused.append(
+                    RefusedLine(file, line, f"the program overwrites the stored position {label}")
+                )
+            else:
+                sentence = f"{label} is computed when the program runs"
+                self.doubtful.append(DoubtfulLine(file, line, "computed", sentence))
+        computed = {name for _, _, name, _ in self.overwritten}
+        uses: dict[tuple[str, What], set[str]] = defaultdict(set)
+        for one in self.statements:
+            for name in one.names:
+                if name not in stored and name not in computed:
+                    sentence = f"{name.rpartition(':')[2]} is stored elsewhere, or not at all"
+                    self.doubtful.append(DoubtfulLine(one.file, one.line, "elsewhere", sentence, name))
+                uses[name, "tool"] |= set() if one.tool is None else {one.tool}
+                uses[name, "frame"] |= set() if one.frame is None else {one.frame}
+        self.positions = [self._with_frames(one, uses) for one in self.positions]
+        return self
+
+    def _leave_registers(self) -> None:
+        """Registers that no statement moves to hold offsets, or nobody knows what: they stay as they are."""
+        goals = {name for one in self.statements for name in one.names}
+        for one in self.positions:
+            if one.register and one.name in goals & self.added:
+                sentence = f"{one.label} is a place at one statement and an offset at another"
+                self.refused.append(RefusedLine(one.file, one.line, sentence))
+            elif one.register and one.name not in goals | self.added:
+                sentence = f"no statement of the backup moves to {one.label}: it stays as it is"
+                self.doubtful.append(DoubtfulLine(one.file, one.line, "elsewhere", sentence))
+        self.positions = [one for one in self.positions if not one.register or one.name in goals]
+
+    def _with_frames(self, one: TaughtPosition, uses: Mapping[tuple[str, What], set[str]]) -> TaughtPosition:
+        kinds: tuple[What, ...] = ("tool", "frame")
+        names = {what: sorted(uses.get((one.name, what), ())) for what in kinds}
+        for what, values in names.items():
+            if getattr(one, what) is None and len(values) > 1 and one.kind == "pose":
+                several = f"{one.label} is used with several {what}s: {', '.join(values)}"
+                self.refused.append(RefusedLine(one.file, one.line, several))
+        tool, frame = (next(iter(names[what]), None) for what in kinds)
+        return replace(one, tool=one.tool or tool, frame=one.frame or frame)
+
+
+class Active:
+    """Which tool and frame are set where, of one routine, by the order of its lines. Where a routine sets
+    several and has jumps, branches or loops, none is known: that would take an analysis of its flow."""
+
+    def __init__(self) -> None:
+        self._sets: dict[What, list[tuple[int, str]]] = {"tool": [], "frame": []}
+        self.jumps = False
+
+    def set(self, what: What, pos: int, name: str | None) -> None:
+        """None: by what is only known when the program runs."""
+        self._sets[what].append((pos, AT_RUN_TIME if name is None else name))
+
+    def at(self, what: What, pos: int) -> str | None:
+        """The name at a place; None where the routine has set none before."""
+        before = [name for at, name in self._sets[what] if at < pos]
+        several = len({name for _, name in self._sets[what]}) > 1
+        if not before:
+            return AT_RUN_TIME if several and self.jumps else None
+        return AT_RUN_TIME if several and self.jumps else before[-1]
+
+
+AT_RUN_TIME = "?"  # a name that is no name: which one is known when the program runs
+
+
+@dataclass(frozen=True)
+class PositionLanguage:
+    """How positions of a language are read and written.
+
+    `read` adds to a BackupReading; `pose` makes a transform of numbers and `pose_numbers` the reverse, which
+    are written with `pose_decimals`; joints are in `unit` with `joint_decimals`. `matches` says whether
+    joints, degrees, with their branch have a stated configuration, `configuration` are its texts for joints.
+    `up` and `by_joint2` are as of `Branches`. `null` are names of the tool and frame that are none; `form`
+    shows what a pose is in options. `padded`: a number stands in the room of the old one, blanks before it
+    included. `mark` tells that a text is of the language, `beside` is the pattern of names of files that say
+    what the tools and frames of others are.
+    """
+
+    name: str
+    vendor: Vendor
+    endings: tuple[str, ...]
+    read: Callable[[BackupReading], None]
+    _: KW_ONLY
+    pose: Callable[[Sequence[float]], Matrix]
+    pose_numbers: Callable[[Matrix], Sequence[float]]
+    form: str
+    pose_decimals: tuple[int, ...]
+    joint_decimals: int
+    matches: Callable[[Sequence[str], Branch, Matrix], bool]
+    configuration: Callable[[Sequence[str], Branch, Matrix], Sequence[str]]
+    remark: str = "(?!)"
+    null: frozenset[str] = frozenset({"0"})
+    up: int = 1
+    by_joint2: bool = False
+    unit: PendantUnit = "deg"
+    padded: bool = False
+    case_sensitive: bool = False
+    mark: str = "(?!)"
+    beside: str = "(?!)"
+
+
+def numbers_in(text: str, start: int = 0) -> list[Span]:
+    """The places of all numbers of a text."""
+    return [
+        (start + match.start(), start + match.end()) for match in re.finditer(rf"(?<![\w.]){NUMBER}", text)
+    ]
+
+
+def split_arguments(text: str) -> Iterator[tuple[int, str]]:
+    """The arguments between commas that are in no brackets, each with its place in the text."""
+    depth, begin = 0, 0
+    for at, letter in enumerate(text):
+        depth += (letter in "([{") - (letter in ")]}")
+        if letter == "," and depth == 0:
+            yield begin, text[begin:at]
+            begin = at + 1
+    yield begin, text[begin:]

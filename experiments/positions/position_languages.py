@@ -1,0 +1,106 @@
+"""The languages whose positions are read, with their forms of poses, joints and configurations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+from ...model.arrays import Matrix
+from ...model.kinematics.branches import (
+    Branch,
+    abb_configuration,
+    fanuc_configuration,
+    is_abb_configuration,
+    is_fanuc_configuration,
+    is_kuka_turn,
+    kuka_status,
+    kuka_turn,
+)
+from ...model.kinematics.orientation import Orientation, from_abc, from_quaternion, from_rpy, orientation
+from .fanuc_reader import read_fanuc
+from .krl_reader import read_krl
+from .position import PositionLanguage
+from .rapid_reader import read_rapid
+
+
+def _numbers(angles: Callable[[Orientation], Sequence[float]]) -> Callable[[Matrix], Sequence[float]]:
+    """Of a pose: its place, mm, and these numbers of its orientation."""
+    return lambda pose: [*pose[:3, 3].tolist(), *angles(orientation(pose[:3, :3]))]
+
+
+def _is_abb(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    return is_abb_configuration(tuple(map(float, texts)), branch, joints)
+
+
+def _abb(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
+    return [str(each) for each in abb_configuration(branch, joints)]
+
+
+def _is_kuka(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    status = int(texts[0]) & 7 == kuka_status(branch)
+    return status and (len(texts) < 2 or is_kuka_turn(int(texts[1]), joints))
+
+
+def _kuka(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
+    return [texts[0], *(str(int(each) & ~63 | kuka_turn(joints)) for each in texts[1:])]
+
+
+def _is_fanuc(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    letters = " ".join(re.findall(r"[A-Z]", texts[0]))
+    return is_fanuc_configuration(letters, tuple(int(turn) for turn in texts[1].split(",")), branch, joints)
+
+
+def _fanuc(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
+    return [texts[0], ", ".join(map(str, fanuc_configuration(branch, joints)[1]))]
+
+
+RAPID = PositionLanguage(
+    "RAPID",
+    "abb",
+    (".mod", ".modx", ".prg", ".sys", ".sysx"),
+    read_rapid,
+    remark=r"![^\n]*",
+    pose=from_quaternion,
+    pose_numbers=_numbers(lambda turn: turn.quaternion),
+    form="X,Y,Z,Q1,Q2,Q3,Q4",
+    pose_decimals=(5, 5, 5, 9, 9, 9, 9),
+    joint_decimals=6,
+    matches=_is_abb,
+    configuration=_abb,
+    null=frozenset({"tool0", "wobj0"}),
+    mark=r"^\s*(?:MODULE\s|%%%)|\b(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget)\b",
+)
+KRL = PositionLanguage(
+    "KRL",
+    "kuka",
+    (".src", ".dat", ".sub"),
+    read_krl,
+    remark=r";[^\n]*",
+    pose=from_abc,
+    pose_numbers=_numbers(lambda turn: turn.abc),
+    form="X,Y,Z,A,B,C",
+    pose_decimals=(6,) * 6,
+    joint_decimals=6,
+    matches=_is_kuka,
+    configuration=_kuka,
+    up=-1,
+    mark=r"^\s*(?:GLOBAL\s+)?DEF(?:DAT|FCT)?\s+\S",
+    beside=r"\$(?:config|machine)\.dat",
+)
+FANUC = PositionLanguage(
+    "TP",
+    "fanuc",
+    (".ls", ".va"),
+    read_fanuc,
+    pose=from_rpy,
+    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
+    form="X,Y,Z,W,P,R",
+    pose_decimals=(3,) * 6,
+    joint_decimals=3,
+    matches=_is_fanuc,
+    configuration=_fanuc,
+    padded=True,
+    mark=r"^/PROG\b|\$POSREG\b|\$MNU(?:FRAME|TOOL)\b",
+    beside=r"sysframe\.va",
+)
+LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC)

@@ -1,0 +1,80 @@
+"""What is stated to convert positions: the arm, the zeros, and what the backup leaves open."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from ...model.options import Option
+
+
+@dataclass(frozen=True)
+class BackupOptions:
+    """What a backup leaves open."""
+
+    tools: Annotated[
+        Sequence[str],
+        Option(
+            "Pose of a tool that the backup does not state, [NAME=]X,Y,Z,… in the language's own form;"
+            " without NAME that of all positions that leave it open. Repeatable.",
+            "--tool",
+            metavar="POSE",
+        ),
+    ] = ()
+    frames: Annotated[
+        Sequence[str],
+        Option("The same of a work object, base or user frame. Repeatable.", "--frame", metavar="POSE"),
+    ] = ()
+    new_tools: Annotated[
+        Sequence[str],
+        Option(
+            "Pose of a tool that was measured again since: positions are written for it. Repeatable.",
+            "--new-tool",
+            metavar="POSE",
+        ),
+    ] = ()
+    new_frames: Annotated[
+        Sequence[str], Option("The same of a frame. Repeatable.", "--new-frame", metavar="POSE")
+    ] = ()
+    base: Annotated[
+        str | None,
+        Option("Pose of the arm's base in the world, if it is not 0 and not in the backup.", metavar="POSE"),
+    ] = None
+    near: Annotated[
+        str | None,
+        Option("Joints J1,J2,… in degrees near which the poses without a configuration are."),
+    ] = None
+    accept: Annotated[
+        Sequence[str],
+        Option(
+            "Lines of the table that you have looked at: FILE:LINE, FILE:FIRST-LAST, several with commas.",
+            metavar="LINES",
+        ),
+    ] = ()
+    j3: Annotated[
+        Literal["ground", "link"] | None,
+        Option("fanuc: what joint 3 is counted from, if not as the robot file states."),
+    ] = None
+
+
+@dataclass(frozen=True)
+class ZeroOptions:
+    """Which zeros were entered: by hand, by the mastering before and after, or as a run says."""
+
+    robot: Annotated[
+        str | None, Option("The arm: a built-in name or a robot file; with --run that of the run.")
+    ] = None
+    entered: Annotated[
+        str | None,
+        Option(
+            "What was entered, J2=-0.265,J3=0.112 in degrees (mm): by so much more the joint reads at the"
+            " same place; joint 3 between links 2 and 3.",
+            metavar="ZEROS",
+        ),
+    ] = None
+    run: Annotated[Path | None, Option("Run whose values were entered.", metavar="RUN")] = None
+    old_mastering: Annotated[
+        Path | None,
+        Option("FANUC: backup before the mastering (SYSMAST.VA, SYMOTN.VA), with --new-mastering."),
+    ] = None
+    new_mastering: Annotated[Path | None, Option("FANUC: backup behind it.")] = None

@@ -1,0 +1,121 @@
+"""A backup of a controller, a file or a folder: its files, their language, what is in them."""
+
+from __future__ import annotations
+
+import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...model.errors import BadInput
+from ...model.parsing.confinement import require_within
+from ...model.parsing.reading import LARGEST, require_regular
+from .position import BackupReading, PositionLanguage, RefusedLine, SourceFile
+from .position_languages import LANGUAGES
+
+AUDIT = "audit.json"
+_MOST_FILES = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Backup:
+    """The files of a language in a backup, as bytes by their paths in it, and what is read of them.
+
+    Of a single file `chosen` is its path: the others beside it say what its tools and frames are."""
+
+    path: Path
+    language: PositionLanguage
+    content: dict[str, bytes]
+    reading: BackupReading
+    chosen: tuple[str, ...]
+
+
+def read_backup(path: Path, vendor: str | None = None) -> Backup:
+    """The backup at `path`; `vendor` is that of the arm, where the ending of a file is of several languages.
+
+    BadInput where there is nothing to read, or where it may be of several languages.
+    """
+    require_within(path)
+    if path.is_dir():
+        content = _folder(path)
+        chosen = tuple(content)
+    else:
+        require_regular(path)
+        beside = _folder(path.parent, deep=False)
+        content = {name: each for name, each in beside.items() if _together(name, path.name)}
+        chosen = tuple(name for name in content if Path(name).stem.lower() == path.stem.lower())
+    language = _language_of(path, {name: content[name] for name in chosen}, vendor)
+    content = {name: each for name, each in content.items() if _ending(name) in language.endings}
+    return Backup(path, language, content, reading_of(language, content, chosen), chosen)
+
+
+def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Sequence[str]) -> BackupReading:
+    """What the files say; of those that are not chosen only tools, frames and the arm."""
+    files, unread = [], []
+    for name, each in content.items():
+        text = each.decode("latin-1")
+        if "\0" in text or each.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+            unread.append(
+                RefusedLine(
+                    SourceFile(name, ""), 1, "this is a binary file, or UTF-16: save it as plain text"
+                )
+            )
+        else:
+            files.append(SourceFile(name, text, language.remark))
+    reading = BackupReading(files)
+    language.read(reading)
+    reading.refused += [
+        line for line in unread if re.search(r"\.(?:mod|src|ls|prg|va)$", line.file.name, re.IGNORECASE)
+    ]
+    return reading.of(chosen).finished()
+
+
+def _folder(folder: Path, *, deep: bool = True) -> dict[str, bytes]:
+    endings = {ending for language in LANGUAGES for ending in language.endings}
+    paths = [
+        path
+        for path in sorted(folder.rglob("*") if deep else folder.iterdir())
+        if path.suffix.lower() in endings
+        and path.is_file()
+        and not path.is_symlink()
+        and path.stat().st_size <= LARGEST
+    ]
+    if len(paths) > _MOST_FILES:
+        raise BadInput("the folder has too many files", found=len(paths), allowed=_MOST_FILES, file=folder)
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def _ending(name: str) -> str:
+    return Path(name).suffix.lower()
+
+
+def _together(name: str, chosen: str) -> bool:
+    """Whether a file of a folder belongs to one that was named, or says what tools and frames are."""
+    return Path(name).stem.lower() == Path(chosen).stem.lower() or any(
+        re.fullmatch(language.beside, name, re.IGNORECASE) for language in LANGUAGES
+    )
+
+
+def _language_of(path: Path, content: dict[str, bytes], vendor: str | None) -> PositionLanguage:
+    counts = {
+        language.name: sum(
+            _ending(name) in language.endings
+            and re.search(language.mark, each.decode("latin-1"), re.MULTILINE | re.IGNORECASE) is not None
+            for name, each in content.items()
+        )
+        for language in LANGUAGES
+    }
+    several = [language for language in LANGUAGES if counts[language.name]]
+    fitting = [language for language in several if language.vendor == vendor] or several
+    if len(fitting) == 1:
+        return fitting[0]
+    about = ", ".join(f"{language.name} ({' '.join(language.endings)})" for language in LANGUAGES)
+    raise BadInput(
+        "the backup is of several languages" if fitting else "there is nothing in it that is read here",
+        found=", ".join(language.name for language in fitting)
+        or f"{len(content)} files with endings that are read",
+        allowed=about,
+        remedy="name the folder of one controller" if fitting else None,
+        file=path,
+    )

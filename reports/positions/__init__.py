@@ -1,0 +1,1 @@
+"""The table of a conversion of taught positions, and its folder."""

@@ -1,0 +1,163 @@
+"""The page of a conversion: what to do first, positions, lines to look at, why nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ...experiments.positions.conversion import Conversion, ListedLine, PositionRow
+from ...words import numbers
+from ...words.wording import clipped, counted, shown
+from ..style.blocks import (
+    Block,
+    Commands,
+    Page,
+    Paragraph,
+    Section,
+    Table,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+
+_MOST_ACCEPTED = 12  # names of lines in one command
+
+
+def positions_page(answer: Conversion) -> Page:
+    """All that is said of a conversion."""
+    return Page(
+        "My programs",
+        f"{shown(answer.backup)}, {answer.language}",
+        _verdict(answer),
+        [],
+        list(_sections(answer)),
+    )
+
+
+def _verdict(answer: Conversion) -> Verdict:
+    count = counted(len(answer.positions), "position")
+    if answer.command == "show":
+        return Verdict("held", "Found", f"{count}; nothing is converted.")
+    if answer.converted:
+        moved = max(row.moved_mm or 0.0 for row in answer.positions)
+        return Verdict(
+            "pass",
+            "Converted",
+            f"Approach {shown(answer.approach or '')} slowly first: it must be where it was. Unconverted it"
+            f" would be off by {numbers.significant(moved, 2, 'mm')}, with the wrong sign by twice that.",
+        )
+    if answer.refused:
+        return Verdict("misfit", "Refused", f"{counted(len(answer.refused), 'line')}: nothing is written.")
+    if answer.to_state:
+        return Verdict("weak", "To be stated", f"{'; '.join(answer.to_state)}: nothing is written.")
+    if answer.open_lines:
+        return Verdict(
+            "weak", "To be looked at", f"{counted(len(answer.open_lines), 'line')}: nothing is written."
+        )
+    return Verdict("weak", "Nothing to convert", "There is no position in it.")
+
+
+def _sections(answer: Conversion) -> Iterator[Section]:
+    yield section_of("What to do", *_first(answer), brief=True)
+    if answer.refused:
+        rows = [row_of(f"{shown(one.file)}:{one.line}", shown(one.sentence)) for one in answer.refused]
+        yield section_of("Refused", table_of("", ["line", "why"], rows, "ll"), brief=True)
+    if answer.listed:
+        yield section_of("To look at", _listed(answer.listed), *_accepting(answer), brief=True)
+    if answer.frames:
+        yield section_of("Tools and frames", _frames(answer), brief=True)
+    if answer.positions:
+        yield section_of("Files", _files(answer.positions), brief=True)
+        yield section_of("Positions", _positions(answer.positions))
+
+
+def _first(answer: Conversion) -> Iterator[Block]:
+    moved = [row.moved_mm for row in answer.positions if row.moved_mm is not None]
+    if moved:
+        yield Paragraph(
+            "Convert the whole backup, or parts will disagree by up to"
+            f" {numbers.significant(max(moved), 2, 'mm')}."
+        )
+    if answer.entered:
+        zeros = ", ".join(f"{one.joint} {one.value:+.4f}" for one in answer.entered)
+        yield Paragraph(
+            f"Entered ({answer.source}), deg (mm): {zeros}. At the same place each joint reads so much more."
+        )
+    elif answer.source:
+        yield Paragraph(f"By {answer.source}: nothing is entered at the controller.")
+    for option in answer.to_state:
+        yield Paragraph(f"State {option}.")
+    for note in answer.notes:
+        yield Paragraph(note)
+
+
+def _listed(lines: Sequence[ListedLine]) -> Table:
+    rows = [
+        row_of(
+            f"{shown(one.file)}:{one.line}",
+            one.kind,
+            shown(one.sentence),
+            "-" if one.shift_mm is None else f"{one.shift_mm:.2f}{' per 100' if one.per_100_mm else ''}",
+            "yes" if one.accepted else "no",
+        )
+        for one in lines
+    ]
+    return table_of("", ["line", "kind", "what is there", "shift, mm", "accepted"], rows, "lllrl")
+
+
+def _accepting(answer: Conversion) -> Iterator[Block]:
+    names = list(dict.fromkeys(f"{one.file}:{one.line}" for one in answer.open_lines))
+    if names and answer.command != "show":
+        yield Paragraph("These lines stay as they are. Look at each; then accept them by name:")
+        yield Commands(
+            [
+                f"--accept {','.join(names[i : i + _MOST_ACCEPTED])}"
+                for i in range(0, len(names), _MOST_ACCEPTED)
+            ]
+        )
+
+
+def _frames(answer: Conversion) -> Table:
+    rows = [
+        row_of(
+            f"{one.what} {shown(one.name) or '(left open)'}",
+            _numbers(one.numbers),
+            "as before" if one.new_numbers is None else _numbers(one.new_numbers),
+            shown(one.place),
+        )
+        for one in answer.frames
+    ]
+    return table_of("", ["what", "pose", "afterwards", "from"], rows, "llll")
+
+
+def _files(positions: Sequence[PositionRow]) -> Table:
+    rows = []
+    for file in dict.fromkeys(row.file for row in positions):
+        of_file = [row for row in positions if row.file == file]
+        moved = [row.moved_mm for row in of_file if row.moved_mm is not None]
+        rows.append(row_of(shown(file), str(len(of_file)), f"{max(moved):.2f}" if moved else "-"))
+    return table_of("", ["file", "positions", "off without it by up to, mm"], rows, "lrr")
+
+
+def _positions(positions: Sequence[PositionRow]) -> Table:
+    rows = [
+        row_of(
+            f"{clipped(row.name)} ({shown(row.file)}:{row.line})",
+            _numbers(row.before),
+            _numbers(row.after),
+            "-" if row.moved_mm is None else f"{row.moved_mm:.2f}",
+            shown(row.configuration or "-"),
+            f"{shown(row.tool or '-')}, {shown(row.frame or '-')}",
+        )
+        for row in positions
+    ]
+    heads = ["position", "before", "after", "off by, mm", "configuration", "tool, frame"]
+    return table_of("", heads, rows, "lllrll")
+
+
+def _numbers(values: Sequence[float] | None) -> str:
+    return (
+        "-"
+        if values is None
+        else ", ".join(f"{value + 0.0:.10g}" if abs(value) < 1 else f"{value:.3f}" for value in values)
+    )

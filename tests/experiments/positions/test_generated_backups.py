@@ -1,0 +1,63 @@
+"""Backups made at random: every position keeps its place, and everything else its bytes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_backups import DIALECTS, ENTERED, kept, texts_after, written
+
+from zerobeam.experiments.positions.audit import restored
+from zerobeam.experiments.positions.conversion import Conversion
+from zerobeam.reports.positions.positions_folder import write_conversion
+
+_EVERY = 300  # of which ten a language are not long
+
+
+@pytest.mark.at_length(r"-(?:1\d|[2-9]\d|[1-9]\d\d)$")
+@pytest.mark.parametrize("seed", range(_EVERY))
+@pytest.mark.parametrize("language", DIALECTS)
+def test_positions_keep_their_places(language: str, seed: int, tmp_path: Path) -> None:
+    dialect = DIALECTS[language]
+    backup = dialect.made(seed)
+    entered = ENTERED * np.random.default_rng(seed).choice([-1, 1], 6)
+    answer = kept(written(backup, tmp_path), dialect.robot, entered)
+    assert answer.refused == ()
+    assert answer.to_state == ()
+    assert answer.open_lines == []
+    assert len(answer.positions) == len(backup.positions)
+    after = texts_after(backup, answer)
+    assert backup.kept(after, entered)
+    assert not backup.kept(backup.texts, entered)
+    assert not backup.kept(after, -entered)
+    for one in answer.files:
+        old, new = backup.texts[one.file], after[one.file]
+        assert rest(old, one.file, answer) == rest(new, one.file, answer, new=True)
+
+
+def rest(text: str, file: str, answer: Conversion, *, new: bool = False) -> str:
+    """A file without the numbers that were edited."""
+    (edits,) = (one.edits for one in answer.files if one.file == file)
+    parts, at, shift = [], 0, 0
+    for edit in edits:
+        start = edit.start + (shift if new else 0)
+        parts.append(text[at:start])
+        at = start + len(edit.new if new else edit.old)
+        shift += len(edit.new) - len(edit.old)
+        assert re.fullmatch(r"[-+ .\deE,]+", edit.old + edit.new)
+    return "".join([*parts, text[at:]])
+
+
+@pytest.mark.parametrize("language", DIALECTS)
+def test_keep_then_restore_gives_every_byte(language: str, tmp_path: Path) -> None:
+    dialect = DIALECTS[language]
+    backup = dialect.made(1)
+    answer = kept(written(backup, tmp_path / "backup"), dialect.robot)
+    write_conversion(tmp_path / "new", answer)
+    for name, content in answer.content.items():
+        assert (tmp_path / "new" / name).read_bytes() == content
+    assert restored(tmp_path / "new") == {
+        one.file: backup.texts[one.file].encode("latin-1") for one in answer.files
+    }
