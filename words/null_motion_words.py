@@ -35,12 +35,11 @@ def motion_words(motion: NullSpaceMotion, direction: NullDirection, measured: in
     amount = numbers.exact(float(f"{motion.amount:.2g}"), unit)
     less, more = f"{numbers.MINUS}{amount}", f"+{amount}"
     along = _along(motion)
-    moves = f"{listed(along)} {'moves' if len(along) == 1 else 'move'} with it" if along else ""
+    verb = "move" if set(motion.moved) <= set(motion.targets) else "change"
+    moves = f"{listed(along)} {verb}{'s' if len(along) == 1 else ''} with it" if along else ""
     larger = ""
     if motion.drawn > 1:
         larger = f" The motion is drawn {numbers.significant(motion.drawn, 2)} times larger."
-    shown = [clipped(target) for target in motion.targets]
-    way = f"; dashed: the way of {listed(shown[:_MOST_NAMED])}" if moves and shown else ""
     return MotionWords(
         lead=(
             f"Both ends fit the readings equally: at the recorded joints {name} may be {amount} less or"
@@ -52,8 +51,8 @@ def motion_words(motion: NullSpaceMotion, direction: NullDirection, measured: in
         motion=f"{joint} from {less} to {more}",
         caption=(
             "The null-space motion: both ends fit the readings equally. The arm in"
-            f" {len(motion.shots)} of {counted(measured, motion.like)} at both ends. In grey: the first of"
-            f" them at the ends{way}.{larger} No place here is an estimate."
+            f" {len(motion.shots)} of {counted(measured, motion.like)} at both ends. {_drawn(motion)}{larger}"
+            " No place here is an estimate."
         ),
         alt=(
             f"The arm at both ends of the null-space motion, {joint} {less} and {joint} {more}"
@@ -62,6 +61,22 @@ def motion_words(motion: NullSpaceMotion, direction: NullDirection, measured: in
         end=" ".join(_ends(motion, new) for new in motion.new)
         or f"To end it: {sentence(direction_remedy(direction, person))}.",
     )
+
+
+def _drawn(motion: NullSpaceMotion) -> str:
+    """What is grey, and what is dashed."""
+    first, last = motion.frames[0], motion.frames[-1]
+    moved = [
+        clipped(name)
+        for name, one, other in zip(motion.targets, first.targets, last.targets, strict=True)
+        if one != other
+    ]
+    if first.postures[0].links == last.postures[0].links:
+        joint = int(motion.offset.removeprefix("delta")) + 1
+        what = "the flange" if motion.marked == "flange" else f"the axis of joint {joint}"
+        return f"Dashed: the way of a mark on {what}, all that moves."
+    way = f"; dashed: the way of {listed(moved[:_MOST_NAMED])}" if moved else ""
+    return f"In grey: the first of them at the ends{way}."
 
 
 def _along(motion: NullSpaceMotion) -> list[str]:

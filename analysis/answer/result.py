@@ -344,9 +344,10 @@ class Result:
             " (`unit`) at either end, and what is `moved` with it; `drawn`: how many times larger the frames"
             " show it; `off_mm` and `noise_share`: how far readings are from what was read at the ends, mm,"
             " and root of the sum of squared normalised residuals; `direction`: which of the null space;"
-            " `targets`: names; `shots`: numbers of what is drawn, each `like` a `measurement` or `posture`;"
+            " `targets`: names; `marked`: which point has a mark; `shots`: numbers of what is"
+            " drawn, each `like` a `measurement` or `posture`;"
             " `frames`: `share` (−1 and 1 at the ends), places of `targets`, `postures` and `new` ones:"
-            " `links` and `beam_to` as in `scene`, `mark` (a point beside the flange), `sights`, `off_mm`;"
+            " `links` and `beam_to` as in `scene`, `mark` (a point beside that), `sights`, `off_mm`;"
             " `new`: postures that end it: `like` which number, `joints` in `units`, `off_mm` at the ends"
         ),
     ] = None

@@ -38,6 +38,7 @@ _VISIBLE = 0.2  # of the size of the arm: the motion that is drawn
 _HALVINGS = 12
 _DRAWN = 3  # postures
 _MARK = 90.0  # mm beside the flange's origin
+_STILL = 1e-6  # mm, or of a rotation matrix
 _DECIMALS = 2  # of millimetres
 
 
@@ -48,7 +49,9 @@ class MovedPosture:
     links: Annotated[
         tuple[Point, ...], it("points from the base over joints and flange to laser or tip, mm, base frame")
     ]
-    mark: Annotated[Point, it("a point beside the flange's origin, along its x axis, mm")]
+    mark: Annotated[
+        Point, it("a point beside that of `links` which `marked` of the motion calls, moving with it, mm")
+    ]
     beam_to: Annotated[Point | None, it("the point of the beam nearest to the target, or null")]
     sights: Annotated[tuple[tuple[Point, Point], ...], it("lines to what other instruments measure")]
     off_mm: Annotated[float, it("of the target: how far the reading would be from what was read, mm")]
@@ -97,6 +100,10 @@ class NullSpaceMotion:
     ]
     direction: Annotated[int, it("which direction of the null space it follows, from 0")]
     targets: Annotated[tuple[str, ...], it("names of the targets and instruments that have a place")]
+    marked: Annotated[
+        Literal["flange", "axis"],
+        it("the point that has the mark: the flange's, or, where that stays, the next joint's, on its axis"),
+    ]
     shots: Annotated[tuple[int, ...], it("numbers of the measurements that are drawn")]
     like: Annotated[Literal["measurement", "posture"], it("what a number is of: a run's or a plan's")]
     frames: Annotated[tuple[MotionFrame, ...], it("from one end to the other")]
@@ -268,7 +275,9 @@ def _followed(shots: OpenShots, lead: int, direction: NullDirection) -> NullSpac
         off = [new.length_mm(new.linearise(end)[0]) for end in (path.xs[0], path.xs[-1])]
         new_rows = np.array([np.min(off, axis=0).argmax()])
     rows = _apart(problem, x, _DRAWN)
-    frames = list(_frames(shots, path, rows, None if new is None else new.select(new_rows), drawn))
+    of_new = None if new is None else new.select(new_rows)
+    axis_of = None if _flange_moves(problem.select(rows), path) else min(lead + 1, problem.robot.n - 1)
+    frames = list(_frames(shots, path, rows, of_new, drawn, axis_of))
     return NullSpaceMotion(
         offset=item.name,
         amount=path.amount * item.display,
@@ -279,6 +288,7 @@ def _followed(shots: OpenShots, lead: int, direction: NullDirection) -> NullSpac
         moved=_moved_along(problem, lead, direction),
         direction=list(shots.null_space).index(direction),
         targets=tuple(name for name, _ in _places(problem)),
+        marked="flange" if axis_of is None else "axis",
         shots=tuple(int(shots.numbers[row]) for row in rows),
         like=shots.like,
         frames=tuple(frames),
@@ -336,12 +346,24 @@ def _places(problem: Problem) -> list[tuple[str, Index]]:
     return [(name, at) for name, at in places if (at >= 0).all()]
 
 
+def _flange_moves(problem: Problem, path: MotionPath) -> bool:
+    """Whether the flange moves or rotates; of offsets that rotate against each other it does not."""
+    first, last = (problem.poses(path.xs[k]) for k in (0, -1))
+    return bool(np.abs(last - first)[:, :3].max() > _STILL)
+
+
 def _frames(
-    shots: OpenShots, path: MotionPath, rows: Index, new: Problem | None, drawn: float
+    shots: OpenShots,
+    path: MotionPath,
+    rows: Index,
+    new: Problem | None,
+    drawn: float,
+    axis_of: int | None,
 ) -> Iterator[MotionFrame]:
+    """`axis_of` (from 0) is the joint whose axis has the mark, None where the flange has it."""
     problem, middle = shots.problem, len(path.xs) // 2
-    every = [_poses_at(problem.select(rows), x) for x in path.xs]
-    others = [[] if new is None else _poses_at(new, x) for x in path.xs]
+    every = [_poses_at(problem.select(rows), x, axis_of) for x in path.xs]
+    others = [[] if new is None else _poses_at(new, x, axis_of) for x in path.xs]
     places = [np.array([x[at] for _, at in _places(problem)]).reshape(-1, 3) for x in path.xs]
     for share, postures, of_new, targets in zip(_SHARES, every, others, places, strict=True):
         yield MotionFrame(
@@ -357,18 +379,22 @@ def _frames(
 
 
 class _Pose(NamedTuple):
-    """A shot, the mark beside its flange, and how far its reading is off, mm."""
+    """A shot, its mark, and how far its reading is off, mm."""
 
     shot: SceneShot
     mark: Matrix
     off_mm: float
 
 
-def _poses_at(problem: Problem, x: Matrix) -> list[_Pose]:
+def _poses_at(problem: Problem, x: Matrix, axis_of: int | None) -> list[_Pose]:
     rows, poses = np.arange(problem.shots), problem.poses(x)
+    shots = [shot for shot, *_ in drawn_shots(problem, x, rows)]
     marks = poses[:, :3, 3] + _MARK * poses[:, :3, 0]
+    if axis_of is not None:
+        (axes,) = problem.functions.kernel("axes")(problem.joints, problem.split(x).arm)
+        at = np.array([shot.links[axis_of + 1] for shot in shots])
+        marks = at + _MARK * axes.reshape(-1, 3, problem.robot.n)[:, :, axis_of]
     off = problem.length_mm(problem.linearise(x)[0]).tolist()
-    shots = (shot for shot, *_ in drawn_shots(problem, x, rows))
     return [_Pose(*each) for each in zip(shots, marks, off, strict=True)]
 
 

@@ -164,8 +164,8 @@ def _spread(value: float) -> str:
 
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
-# Inches: beside and below panels, above them, of the key, and the tallest panel.
-_LEFT, _BELOW, _APART, _HEAD, _KEY, _TALLEST = 0.62, 0.5, 0.95, 0.3, 1.4, 2.6
+# Inches: beside and below panels, between them, above them with the key, and the tallest panel.
+_LEFT, _BELOW, _APART, _HEAD, _TALLEST = 0.62, 0.5, 0.95, 0.95, 3.0
 _SEEN_FROM = {"vertical": "from the side", "horizontal": "from above"}
 _MOST_CLASSES, _MOST_STEPS = 8, 6
 _BY_STEPS = 4.0  # times the smallest value: larger ones have classes by factors
@@ -182,7 +182,7 @@ def workspace_picture(result: Result) -> Picture | None:
     edges = class_edges([value for plane in maps for value in _numbers(plane.after_p95_mm or ())])
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.
     sizes = [(len(plane.postures[0]) * plane.cell_mm, len(plane.postures) * plane.cell_mm) for plane in maps]
-    room = WIDTH - _LEFT - (len(maps) - 1) * _APART - _KEY
+    room = WIDTH - _LEFT - (len(maps) - 1) * _APART - 0.1
     inch = max(sum(across for across, _ in sizes) / room, max(up for _, up in sizes) / _TALLEST)
     whole = _HEAD + max(up for _, up in sizes) / inch + _BELOW
     with style():
@@ -198,9 +198,7 @@ def workspace_picture(result: Result) -> Picture | None:
             axes.set_ylabel(f"{plane.axes[1]}, mm")
             axes.set_title(_SEEN_FROM[plane.plane], loc="left")
             left += across / inch + _APART
-        _legend(
-            figure, edges, 1 - (WIDTH - left + _APART - 0.15) / WIDTH, next_postures=bool(_proposed(result))
-        )
+        _legend(figure, edges, whole, next_postures=bool(_proposed(result)))
         svg = to_svg(figure, NAME)
     return Picture(NAME, _title(result, maps), _alt(result), svg)
 
@@ -331,13 +329,14 @@ def _base(axes: Axes, plane: str) -> None:
     text.set(color=ink, fontsize=8.5)
 
 
-def _legend(figure: Figure, edges: list[float], left: float, *, next_postures: bool) -> None:
-    """The classes, one scale for all panels, darkest last; and the marks."""
+def _legend(figure: Figure, edges: list[float], whole: float, *, next_postures: bool) -> None:
+    """The classes, one scale for all panels, darkest last; below them the marks. `whole` inches high."""
+    from matplotlib.legend import Legend
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     classes = len(edges) - 1
-    handles: list[Patch | Line2D] = [
+    patches = [
         Patch(
             facecolor=light("identified"),
             alpha=_share(which, classes),
@@ -346,22 +345,39 @@ def _legend(figure: Figure, edges: list[float], left: float, *, next_postures: b
         )
         for which in range(classes)
     ]
-    marks: dict[str, Any] = {"linestyle": "none", "color": light("ink")}
-    ring = {**marks, "marker": "o", "markersize": 3.4, "markerfacecolor": light("ground"), "mew": 0.8}
-    handles.append(Line2D([], [], **ring, label="measurement"))
+    style_of: dict[str, Any] = {"linestyle": "none", "color": light("ink")}
+    ring = {**style_of, "marker": "o", "markersize": 3.4, "markerfacecolor": light("ground"), "mew": 0.8}
+    marks = [Line2D([], [], **ring, label="measurement")]
     if next_postures:
-        handles.append(Line2D([], [], **marks, marker="D", markersize=5, label="next posture"))
+        marks.append(Line2D([], [], **style_of, marker="D", markersize=5, label="next posture"))
+    options: dict[str, Any] = {
+        "loc": "upper left",
+        "alignment": "left",
+        "borderpad": 0.0,
+        "columnspacing": 0.9,
+        "handlelength": 1.1,
+        "handleheight": 0.9,
+        "handletextpad": 0.4,
+    }
+    left = _LEFT / WIDTH
     figure.legend(
-        handles=handles,
-        title="95 % below, mm",
+        handles=patches,
+        ncols=classes,
+        title="error of the TCP that 95 % stay below, mm",
         title_fontsize=9.5,
-        alignment="left",
-        loc="upper left",
         bbox_to_anchor=(left, 1.0),
-        borderpad=0.0,
-        handlelength=1.1,
-        handleheight=0.9,
-        handletextpad=0.5,
+        **options,
+    )
+    figure.add_artist(
+        Legend(
+            figure,
+            marks,
+            [str(mark.get_label()) for mark in marks],
+            ncols=2,
+            bbox_to_anchor=(left, 1 - 0.44 / whole),
+            bbox_transform=figure.transFigure,
+            **options,
+        )
     )
 
 
@@ -407,8 +423,8 @@ def _next_table(result: Result) -> Table | None:
         for number, each in enumerate(proposed, start=1)
     ]
     caption = (
-        "Where one more measurement helps the TCP most, each beside those before it: joints in degrees (mm"
-        f" of a prismatic one); u predicted, root mean square over the region, now"
+        "Where one more measurement helps the TCP most, each beside those before it: joints as in a plan"
+        f" (joints_deg); u predicted, root mean square over the region, now"
         f" {numbers.spread(outlook.u_mm, 'mm')}"
     )
     return table_of(caption, heads, rows, "llr")

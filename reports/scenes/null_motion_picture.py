@@ -94,6 +94,7 @@ class _Panel:
     def __init__(self, motion: NullSpaceMotion, which: str) -> None:
         self._frames, self._which, self._names = motion.frames, which, motion.targets
         self._joint = int(motion.offset.removeprefix("delta"))
+        self._marked = -2 if motion.marked == "flange" else self._joint + 1  # of the links
         first, last = (
             np.array([posture.links for posture in self._postures(motion.frames[k])]) for k in (0, -1)
         )
@@ -104,7 +105,7 @@ class _Panel:
         self._fit()
         if self._wrist:
             posture = self._postures(motion.frames[0])[0]
-            length = float(np.linalg.norm(np.array(posture.mark) - np.array(posture.links[-2])))
+            length = float(np.linalg.norm(np.array(posture.mark) - np.array(posture.links[self._marked])))
             self._mark = max(1.0, _FLANGE_PX / self._scale / max(length, 1e-9))
             self._fit()
 
@@ -119,8 +120,8 @@ class _Panel:
         self._shift = middle - self._scale * (low + high) / 2
 
     def _flange(self, posture: MovedPosture) -> Matrix:
-        """(3,) the end of the mark beside its flange."""
-        at = np.array(posture.links[-2])
+        """(3,) the end of its mark."""
+        at = np.array(posture.links[self._marked])
         return np.asarray(at + self._mark * (np.array(posture.mark) - at))
 
     @cached_property
@@ -220,7 +221,7 @@ class _Panel:
             stroke = _OTHER if k else _FIRST
             of_it = [postures[k] for postures in every]
             parts.append(self._line([posture.links for posture in of_it], stroke))
-            marks = [(posture.links[-2], self._flange(posture)) for posture in of_it]
+            marks = [(posture.links[self._marked], self._flange(posture)) for posture in of_it]
             parts.append(self._line(marks, _Stroke(stroke.role, 1.6)))
             if self._wrist and k == 0:
                 way = [self._flange(self._postures(frame)[0]) for frame in self._frames]

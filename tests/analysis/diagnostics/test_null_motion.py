@@ -113,6 +113,11 @@ def test_of_parallel_axes_two_offsets_take_part() -> None:
     assert isinstance(shots.null_space[motion.direction].cause, ParallelAxes)
     assert {motion.offset, *motion.moved} >= {"delta4", "delta6"}
     assert motion.off_mm < 1e-6
+    # The flange stays; what moves is the axis between the two joints.
+    assert motion.marked == "axis"
+    first, last = (motion.frames[k].postures[0] for k in (0, -1))
+    assert first.links == last.links
+    assert np.linalg.norm(np.array(first.mark) - np.array(last.mark)) > 50
 
 
 def test_what_noise_hides_is_drawn_larger_and_says_how_much() -> None:

@@ -49,7 +49,7 @@ def test_the_figure_has_both_planes_units_and_the_base(result: Result) -> None:
     picture = workspace_picture(result)
     assert picture is not None
     shown = words(picture.svg)
-    for text in ("from the side", "from above", "95 % below, mm", "measurement"):
+    for text in ("from the side", "from above", "that 95 % stay below, mm", "measurement"):
         assert shown.count(text) == 1
     for text in ("distance from axis 1, mm", "height, mm", "x, mm", "y, mm"):
         assert text in shown
