@@ -43,7 +43,7 @@ def run(
     from ..experiments.plans.constraints import require_constraints
     from ..experiments.procedure.events import ConfirmationAsked, RunEvent, event_json
     from ..experiments.recording import Answers, RunRequest, record
-    from ..experiments.rigs.live.centred import CentredLines
+    from ..experiments.rigs.live.at_rest import CentredLines
     from ..model.files.plan import read_plan
     from ..reports.output.live_view import led_view, live_view
     from ..reports.run.brief_page import ended_page
@@ -109,7 +109,7 @@ def _live_answers(opened: ExitStack, plan: Plan, options: RunOptions, *, attende
     closed with `opened`. `attended`: a person reads the questions, although this is no terminal."""
     from ..experiments.recording import Answers
     from ..experiments.rigs.live.address import open_joints
-    from ..experiments.rigs.live.centred import CentredLines, currents_of
+    from ..experiments.rigs.live.at_rest import CentredLines, currents_of
     from ..experiments.sensors.attached import read_sensors
     from ..model.kinematics.pendant import pendant_of
 

@@ -191,7 +191,7 @@ def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[
     )
     from rich.text import Text
 
-    from ..words.time_left import TimeLeft, left_words
+    from ..words.numbers import TimeLeft, left_words
 
     estimate = TimeLeft(time.monotonic())
 

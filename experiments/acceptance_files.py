@@ -14,10 +14,11 @@ from ..analysis.acceptance.acceptance import (
     AcceptancePlan,
     AcceptancePrediction,
     AcceptanceResult,
+    MeasuredError,
     accept,
     choose,
+    measured_error,
 )
-from ..analysis.acceptance.measured_error import MeasuredError, measured_error
 from ..analysis.diagnostics.predicted_run import recorded_problem
 from ..analysis.diagnostics.values_to_enter import values_to_enter
 from ..analysis.estimation.threads import one_blas_thread

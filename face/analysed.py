@@ -35,9 +35,8 @@ from .checked_arguments import require_axes, require_kind, require_progress
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView, scene_view
 from .posterior_dataset import posterior_dataset
-from .predicted import predicted_positions
+from .predicted import predicted_positions, refit_run
 from .progress import shown_progress
-from .refit import refit_run
 from .shown_profiles import Contour, Profile, require_estimated
 from .tables import ShownPage, ShownParameters, data_frame, residual_frame
 

@@ -12,10 +12,10 @@ from ..analysis.acceptance.acceptance import (
     AcceptanceResult,
     EnteredOffset,
     LackingTest,
+    MeasuredError,
     Mistake,
     MistakeKind,
 )
-from ..analysis.acceptance.measured_error import MeasuredError
 from . import numbers
 from .wording import counted, label, listed
 

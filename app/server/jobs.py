@@ -22,7 +22,7 @@ from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.parsing.confinement import WITHIN
 from ...model.records import it, record, to_json
-from ...words.time_left import TimeLeft
+from ...words.numbers import TimeLeft
 from .answers.actions import action_of_result
 from .folder import Folder
 from .started_runs import StartedRuns, run_file

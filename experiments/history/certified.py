@@ -8,16 +8,15 @@ from dataclasses import field, replace
 from datetime import date
 from typing import Annotated, Any, Final, Literal
 
-from ...analysis.acceptance.measured_error import MeasuredError
+from ...analysis.acceptance.acceptance import MeasuredError
 from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.diagnostics.values_to_enter import TcpError
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.posterior.intervals import Intervals
-from ...analysis.row import ParameterRow
 from ...analysis.solution import ParameterResult
-from ...analysis.status import known, versions
+from ...analysis.status import ParameterRow, known, versions
 from ...analysis.tcp_region import TcpRegion
 from ...model.errors import BadInput
 from ...model.records import if_any, inline, internal, it, key, only, record, to_json

@@ -6,8 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from ...analysis.acceptance.acceptance import Acceptance, AcceptancePlan, AcceptanceResult, EnteredOffset
-from ...analysis.acceptance.measured_error import MeasuredError, PostureError
+from ...analysis.acceptance.acceptance import (
+    Acceptance,
+    AcceptancePlan,
+    AcceptanceResult,
+    EnteredOffset,
+    MeasuredError,
+    PostureError,
+)
 from ...analysis.status import Verdict as Tone
 from ...analysis.status import versions
 from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, RunOfTest, Verified

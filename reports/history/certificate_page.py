@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC
 from typing import Any
 
-from ...analysis.acceptance.measured_error import ErrorSize
+from ...analysis.acceptance.acceptance import ErrorSize
 from ...analysis.answer.result import LikelihoodSummary
 from ...analysis.diagnostics.values_to_enter import TcpError
 from ...analysis.estimation.tolerance_factors import Factors

@@ -14,9 +14,9 @@ from command_line import plan_file
 from starlette.testclient import TestClient
 
 import zerobeam as zb
-from zerobeam.app.server.application import application
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
+from zerobeam.app.server.serve import application
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.records import dumps
 from zerobeam.reports.output.posterior_file import write_posterior

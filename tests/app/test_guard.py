@@ -12,10 +12,10 @@ import pytest
 from starlette.testclient import TestClient
 
 from zerobeam.app.server import guard
-from zerobeam.app.server.application import application
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
 from zerobeam.app.server.requests import EndPoint
+from zerobeam.app.server.serve import application
 
 
 def test_messages_do_not_say_where_the_folder_is(client: TestClient, root: Path) -> None:

@@ -20,10 +20,9 @@ from app_page import app, root
 from child import ZEROBEAM, child
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.application import application
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
-from zerobeam.app.server.serve import leading_to
+from zerobeam.app.server.serve import application, leading_to
 from zerobeam.model.errors import BadInput
 
 TOKEN = "open-sesame"

@@ -17,7 +17,7 @@ from pages import Page
 from rich.console import Console
 from study_text import text_of
 
-from zerobeam.analysis.row import ParameterRow
+from zerobeam.analysis.status import ParameterRow
 from zerobeam.experiments import schema
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.records import dumps, read
@@ -94,9 +94,9 @@ def test_the_app_shows_its_page(tmp_path: Path) -> None:
     pytest.importorskip("starlette")
     from starlette.testclient import TestClient
 
-    from zerobeam.app.server.application import application
     from zerobeam.app.server.folder import Folder
     from zerobeam.app.server.guard import Access
+    from zerobeam.app.server.serve import application
 
     write_level(tmp_path / "level", level())
     ours = {"X-Zerobeam": "1", "Authorization": "Bearer token"}

@@ -17,9 +17,9 @@ from ruamel.yaml import YAML
 from starlette.testclient import TestClient
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.app.server.application import application
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
+from zerobeam.app.server.serve import application
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from zerobeam.words.time_left import Left, TimeLeft, left_words
+from zerobeam.words.numbers import Left, TimeLeft, left_words
 
 
 def test_a_steady_advance_is_known_to_the_second() -> None:

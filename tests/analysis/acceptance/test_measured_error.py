@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from zerobeam.analysis.acceptance.measured_error import measured_error
+from zerobeam.analysis.acceptance.acceptance import measured_error
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run

@@ -13,8 +13,8 @@ from command_line import zerobeam
 from live_controllers import LiveArm, UrStandIn
 
 from zerobeam.experiments.procedure.events import MeasurementRecorded, Withdrawn
-from zerobeam.experiments.rigs.live import centred
-from zerobeam.experiments.rigs.live.centred import CentredLines
+from zerobeam.experiments.rigs.live import at_rest
+from zerobeam.experiments.rigs.live.at_rest import CentredLines
 from zerobeam.experiments.sensors.camera import Camera, Image
 from zerobeam.experiments.sensors.psd import Psd
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
@@ -48,7 +48,7 @@ class Spot:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(centred, "_PAUSE_S", 0.0)
+    monkeypatch.setattr(at_rest, "_PAUSE_S", 0.0)
 
 
 RECORDED = MeasurementRecorded(0, "psd", None, 0.0, 1, {}, None, None, True)
