@@ -311,7 +311,10 @@ def _plan_or_again(one: Open, case: RunCase) -> str | None:
     if isinstance(one.direction.cause, _IN_THE_HEADER):
         return case.again
     better = _better_postures(one, case)
-    return case.plan if better is None else plan_command(case.planned, better[1])
+    if better is not None:
+        return plan_command(case.planned, better[1])
+    tried = one.direction.tried
+    return case.again if tried is not None and tried.how == "tolerances" else case.plan
 
 
 def _assumed_alone(case: RunCase) -> Iterator[list[Assumption]]:

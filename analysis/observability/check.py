@@ -200,6 +200,8 @@ class Check:
         The largest u by number of measurements; u over where the target may be.
     outlook : Outlook or None
         Remedies by their predicted gain; None where they were not asked for.
+    advice : None
+        The key stays for those who read it: the outlook has replaced it.
     findings, warnings : tuple
         Findings and warnings, to be read with the verdict.
     inputs : PlanInputs
@@ -276,6 +278,7 @@ class Check:
     outlook: Annotated[Outlook | None, it("what would make it better: remedies by their predicted gain")] = (
         field(default=None, kw_only=True)
     )
+    advice: Annotated[None, it("null: `outlook` says more")] = field(default=None, kw_only=True)
     headline: Annotated[str | None, worded("the same in a sentence")] = field(default=None, kw_only=True)
     notes: Annotated[tuple[str, ...] | None, worded("findings in sentences, violations first")] = field(
         default=None, kw_only=True

@@ -354,8 +354,7 @@ def geometry_study(
             " answer determines the offset; where that says misfit, its numbers count as well: the control"
             " shows what they are worth.",
             f"An estimator agrees if the p-value of none of its shares is below {_ALARM:.0%} over its"
-            " offsets together (exact binomial test, Bonferroni). The intervals shown are 95 % (Clopper and"
-            " Pearson).",
+            " offsets together (exact binomial test, Bonferroni).",
             "z is the root mean square of the errors in standard uncertainties: 1 if u is right.",
             "Tolerances are standard deviations of normal distributions, independent for each link"
             " parameter. Where an arm's deviations are of another kind, nothing here applies.",
