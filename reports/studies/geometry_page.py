@@ -197,8 +197,8 @@ def _parameters(plan: GeometryPlan, level: float) -> Table:
     rows = [row for part in plan.estimators for row in rows_of(part, part.words, width, _cells)]
     caption = (
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval (Clopper and Pearson);"
-        " errors in standard uncertainties; bias and root mean square error, next to what was stated, and u by"
-        " check"
+        " errors in standard uncertainties; bias and root mean square error, next to what was stated, and u"
+        " by check"
     )
     return table_of(caption, columns, rows)
 
