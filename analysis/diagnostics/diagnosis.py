@@ -104,12 +104,13 @@ class Explanation:
 
 def undecided(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """The best explanations between which the measurements do not decide: the evidence of none is 20 times
-    that of another, all that was tried counted; the noise, which would explain anything, last. Empty where
-    the first one is decided."""
+    that of another, all that was tried counted; where repeats that differ are one of them, the noise, which
+    would explain anything, comes last. Empty where the first one is decided."""
     if not explanations or explanations[0].links_of_an_exact_arm:
         return ()
     rivals = [one for one in explanations if one.odds > explanations[0].odds / DECIDED]
-    rivals.sort(key=lambda one: one.cause == "noise")
+    if any(one.cause == "repeats" for one in rivals):
+        rivals.sort(key=lambda one: one.cause == "noise")
     return tuple(rivals) if len(rivals) > 1 else ()
 
 

@@ -296,6 +296,7 @@ def test_what_differs_by_noise_alone_is_said_so_last() -> None:
         for cause, odds in (("repeats", 0.4), ("noise", 1.0))
     )
     assert undecided((noise, repeats)) == (repeats, noise)
+    assert undecided((noise, replace(repeats, cause="jump")))[0] is noise
     assert "repeats that differ from the first measurements (without the repeats 7 and 8), or noise" in (
         cause_sentence((noise, repeats))
     )
