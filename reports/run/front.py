@@ -32,7 +32,8 @@ def _blocks(result: Result) -> Iterator[Block]:
         return
     entered = offered(result)
     offsets = [row for row in result.parameters if row.group == "offset"]
-    yield offsets_front(offsets, result.coverage_factor, *_to_enter(result, entered))
+    doubted = not message(result).may.export
+    yield offsets_front(offsets, result.coverage_factor, *_to_enter(result, entered), doubted=doubted)
     if result.null_motion is not None:
         yield FigureBlock(NAME)
     if entered is not None:
@@ -49,14 +50,20 @@ def _to_enter(result: Result, entered: Entered | None) -> tuple[str, Entered | N
 
 
 def offsets_front(
-    offsets: Sequence[ParameterResult], k: float, head: str = "offset", entered: Entered | None = None
+    offsets: Sequence[ParameterResult],
+    k: float,
+    head: str = "offset",
+    entered: Entered | None = None,
+    *,
+    doubted: bool = False,
 ) -> Table:
-    """The one table: joint, value, its U, and why it can be trusted or not."""
+    """The one table: joint, value, its U, and why it can be trusted or not; none is where something speaks
+    against the values (`doubted`)."""
     columns = ["joint", head, f"± U ({numbers.coverage(k)})", "trusted"]
-    return table_of("", columns, [_row(row, k, entered) for row in offsets], "lrrl")
+    return table_of("", columns, [_row(row, k, entered, doubted=doubted) for row in offsets], "lrrl")
 
 
-def _row(row: ParameterResult, k: float, entered: Entered | None) -> Row:
+def _row(row: ParameterResult, k: float, entered: Entered | None, *, doubted: bool) -> Row:
     """One joint. What is not determined, and of values to enter what is not entered, has no number."""
     (name,), why = joints([row.name]), Cell(trusted(row), mark=row.status)
     tone = row.status
@@ -74,6 +81,8 @@ def _row(row: ParameterResult, k: float, entered: Entered | None) -> Row:
     )
     if entered is not None and row.status == "identified" and entered.status.get(row.name) == "weak":
         why = Cell("weak, the best for the TCP", mark="weak")
+    if doubted and row.status == "identified":
+        why = Cell("no: see what is to be done", mark="weak")
     return row_of(name, numbers.estimate(value, u, unit), numbers.spread(u, unit), why, tone=tone)
 
 

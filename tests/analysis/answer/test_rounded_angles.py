@@ -26,10 +26,13 @@ def test_no_run_of_rounded_angles_passes(alpha_deg: float, verdict: str, tmp_pat
     run.write_text("\n".join([json.dumps(content | {"robot": "arm.yaml"}), *shots]) + "\n")
     with warnings.catch_warnings(action="ignore", category=DoubtfulRobot):
         answer = zerobeam("analyse", run, "--json").json
+        printed = zerobeam("analyse", run).out
         exported = zerobeam("export", "rapid", run, "-o", tmp_path / "offsets.mod")
     assert answer["verdict"] == verdict
     assert answer["message"]["may"]["enter"] == answer["message"]["may"]["export"] == (verdict == "pass")
     assert (exported.status == 0) == (verdict == "pass")
+    assert ("● yes" in printed) == (verdict == "pass")
+    assert ("◆ no: see what is to be done" in printed) == (verdict == "weak")
     if verdict == "weak":
         (said,) = (note for note in answer["notes"] if "alpha_deg of joint" in note)
         assert "correct these angles" in answer["message"]["action"]["text"]
