@@ -110,7 +110,7 @@ def ended_page(answer: Ended) -> Page:
     table = (
         []
         if answer.verifies or not answer.parameters or answer.verdict == "misfit"
-        else [offsets_front(answer.parameters, answer.coverage_factor, doubted=not answer.message.may.export)]
+        else [offsets_front(answer.parameters, answer.coverage_factor)]
     )
     content, geometry, worth = answer.message, answer.geometry, None
     if geometry is not None and geometry.tolerance is None and answer.verdict != "misfit":
