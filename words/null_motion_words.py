@@ -42,7 +42,7 @@ def motion_words(motion: NullSpaceMotion, direction: NullDirection, measured: in
         larger = f" The motion is drawn {numbers.significant(motion.drawn, 2)} times larger."
     return MotionWords(
         lead=(
-            f"Both ends fit the readings equally: at the recorded joints {name} may be {amount} less or"
+            f"Both ends fit the readings equally: at the same joints {name} may be {amount} less or"
             f" {amount} more, and {moves or 'nothing else changes'}. {_meets(motion)}"
         ),
         one_end=f"{joint} {less}",

@@ -20,6 +20,7 @@ from ..estimation.threads import one_blas_thread
 from ..observability.aim import aim, servo_joints
 from ..observability.causes import NullDirection, worst_direction
 from ..observability.check import Check, measured_shots
+from ..observability.clearance import arm_in_the_way
 from ..observability.gauges import information_root
 from ..observability.remedies import carried_out
 from ..solution import Solution
@@ -270,10 +271,11 @@ def _followed(shots: OpenShots, lead: int, direction: NullDirection) -> NullSpac
     item, drawn = problem.parameters.items[lead], amount / path.amount
     new, like = _new_postures(shots, direction)
     new_rows = np.zeros(0, dtype=np.int64)
-    if new is not None:
+    clear = np.zeros(0, dtype=np.int64) if new is None else np.flatnonzero(~arm_in_the_way(new, x, {}))
+    if new is not None and len(clear):
         # The one that tells most: where the readings would be farthest off at the ends.
-        off = [new.length_mm(new.linearise(end)[0]) for end in (path.xs[0], path.xs[-1])]
-        new_rows = np.array([np.min(off, axis=0).argmax()])
+        off = [new.length_mm(new.linearise(end)[0])[clear] for end in (path.xs[0], path.xs[-1])]
+        new_rows = clear[[np.min(off, axis=0).argmax()]]
     rows = _apart(problem, x, _DRAWN)
     of_new = None if new is None else new.select(new_rows)
     axis_of = None if _flange_moves(problem.select(rows), path) else min(lead + 1, problem.robot.n - 1)

@@ -173,6 +173,26 @@ def test_the_posture_that_ends_it_reads_something_else_at_either_end() -> None:
     assert motion.frames[len(motion.frames) // 2].new[0].off_mm == 0
 
 
+def test_a_posture_in_which_the_arm_blocks_the_beam_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of those of the remedy the first that is clear is; and none where none is."""
+    judged = check(pattern_plan("x"))
+    every = motion_of_plan(judged)
+    assert every is not None
+    blocked = [every.new[0].like]
+
+    def some_blocked(shots: Problem, *_: object) -> np.ndarray:
+        return np.isin(np.arange(shots.shots), blocked)
+
+    monkeypatch.setattr("zerobeam.analysis.diagnostics.null_motion.arm_in_the_way", some_blocked)
+    others = motion_of_plan(judged)
+    assert others is not None
+    assert others.new[0].like != every.new[0].like
+    blocked.extend(range(99))
+    none = motion_of_plan(judged)
+    assert none is not None
+    assert none.new == ()
+
+
 def test_its_links_keep_their_lengths() -> None:
     """No picture of a stretched arm: the frames are of the arm itself."""
     motion = motion_of(x_pattern())

@@ -73,8 +73,7 @@ def test_the_words_say_that_both_fit_and_that_neither_is_known() -> None:
     assert section is not None
     text = paragraphs(section)
     assert (
-        "Both ends fit the readings equally: at the recorded joints J2 (δ2) may be 20° less or 20° more"
-        in text
+        "Both ends fit the readings equally: at the same joints J2 (δ2) may be 20° less or 20° more" in text
     )
     assert "psd moves with it. Every beam still meets its target." in text
     assert "A posture that ends it: J1 " in text
