@@ -1,4 +1,4 @@
-"""`zerobeam export`: offsets of a run in the form in which they are applied, plans and whole programs."""
+"""`zerobeam export`: offsets of a run in the form in which they are applied, and plans."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
-from ..experiments.makers.format_options import ExportOptions, ProgramMotion, ProgramOptions
+from ..experiments.makers.format_options import ExportOptions, ProgramMotion
 from ..experiments.makers.maker import (
     Holds,
     OffsetFile,
@@ -16,18 +16,16 @@ from ..experiments.makers.maker import (
     in_order,
     makers,
     plan_programs,
-    program_languages,
 )
 from ..model.errors import BadInput, NotWritten
 from ..model.options import Option, argument, arguments, options_of
-from ..words.controllers import no_offsets_words
-from .console import EXIT_STATUS, out, print_json, say
+from ..words.controllers import POSITIONS, no_offsets_words
+from .console import EXIT_STATUS, print_json, say
 from .formats import Command, with_options
 from .shared_options import Force, Json, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.makers.calibration import RobotCalibration
-    from ..experiments.makers.solving import CorrectedTarget
     from ..model.files.plan import Plan
     from ..model.files.run import Run
     from ..model.kinematics.robot import J3
@@ -36,8 +34,8 @@ ExportFile = Annotated[Path, Option("File to write.", "-o --out")]
 # As help lists them; those of other makers are behind.
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
 
-# Of the files; notes; the targets of a corrected program.
-Texts = tuple[Mapping[Path, str | bytes], Sequence[str], "Sequence[CorrectedTarget]"]
+# Of the files; notes.
+Texts = tuple[Mapping[Path, str | bytes], Sequence[str]]
 
 
 class _Exports(TyperGroup):
@@ -46,7 +44,7 @@ class _Exports(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         maker = next((each for each in makers() if each.vendor == args[0].lower()), None)
         if maker is not None and args[0].lower() not in self.commands:
-            programs = ", ".join(files.about for files in maker.correct)
+            programs = POSITIONS.get(maker.vendor or "")
             raise BadInput(
                 f"there is no file of offsets for controllers of {maker.name}:"
                 f" {no_offsets_words(maker.vendor)}"
@@ -56,7 +54,7 @@ class _Exports(TyperGroup):
                 allowed=", ".join(
                     [
                         *(f"export {kind.name}" for kind in maker.offsets),
-                        *([f"export program ({programs})"] if programs else []),
+                        *([f"positions keep, positions reach ({programs})"] if programs else []),
                         "export robot",
                         "export urdf",
                     ]
@@ -66,7 +64,7 @@ class _Exports(TyperGroup):
 
 
 def exports() -> typer.Typer:
-    """The commands of the group: one for each kind of offset file, plans, programs."""
+    """The commands of the group: one for each kind of offset file, and plans."""
     group = typer.Typer(
         cls=_Exports,
         help="Write what a run determines in the form in which it is applied: only what is identifiable.",
@@ -75,7 +73,6 @@ def exports() -> typer.Typer:
     for kind in in_order([kind for maker in makers() for kind in maker.offsets], _OFFSETS):
         group.command(kind.name, help=kind.text.__doc__)(_offsets_command(kind))
     group.command("plan")(_plan_command())
-    group.command("program")(_program_command())
     return group
 
 
@@ -89,7 +86,7 @@ def _offsets_command(kind: OffsetFile) -> Command:
             head = "" if kind.schema is None else schema_line(file, kind.schema)
             lack = kind.lacks(choices)
             notes = () if lack is None else (lack,)
-            return {file: head + kind.text(recorded, calibration, **choices)}, notes, ()
+            return {file: head + kind.text(recorded, calibration, **choices)}, notes
 
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
         how = arguments(_export, typed)
@@ -138,7 +135,7 @@ def _export(
         holds=holds,
         no_place=no_place(recorded),
     )
-    files, notes, targets = texts(recorded, judged)
+    files, notes = texts(recorded, judged)
     if not file.parent.exists():
         _make_folder(file.parent)
     for path in files:
@@ -146,15 +143,10 @@ def _export(
     for path, content in files.items():
         write_whole(path, content, force=force)
     if as_json:
-        print_json(to_json(replace(judged, remarks=tuple(notes), targets=tuple(targets) or None)))
+        print_json(to_json(replace(judged, remarks=tuple(notes))))
     else:
         for line in judged.head:
             say(line)
-        if targets:
-            from ..reports.output.terminal import print_blocks
-            from ..reports.plan.targets_table import targets_table
-
-            print_blocks(out, [targets_table(targets)])
         for line in [*notes, *(f"Written to {path}" for path in files)]:
             say(line)
     if judged.misfit:
@@ -224,39 +216,3 @@ def _write_sheet(planned: "Plan", file: Path, j3: "J3 | None", force: bool, read
     turned = aim_plan(planned)
     write_whole(file, operator_sheet(turned, check_plan(planned, turned, outlook=False), j3), force=force)
     say(f"Written to {file}")
-
-
-def _program_command() -> Command:
-    languages = ", ".join(files.about for files, _ in program_languages())
-
-    def export_program(
-        run: RunFile,
-        program: Annotated[Path, argument(f"Program: {languages}.")],
-        file: ExportFile,
-        *,
-        choices: ProgramOptions,
-        **typed: Any,
-    ) -> None:
-        """Entering the offsets at the controller corrects all programs at once; this corrects one program,
-        for controllers where that is not possible.
-
-        The targets change, for the arm to reach what the program means; all else stays as it was. A program
-        with a statement that is not understood is refused, by line. Targets that were taught on this very arm
-        hold its offsets already: do not correct them.
-        """
-        from ..experiments.makers.maker import vendor_of
-        from ..experiments.makers.user_programs import corrected_program, files_of, program_files_of
-        from ..model.files.whole_file import refuse_existing
-
-        def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
-            vendor = vendor_of(recorded.robot)
-            corrected = corrected_program(recorded.robot, calibration, program, file, choices)
-            program_files_of(program, vendor)[0].require_arm(recorded)
-            for path in corrected.files:  # those that are there are judged by --force afterwards
-                if path.exists():
-                    refuse_existing(path, force=True, keep=files_of(program, vendor))
-            return corrected.files, corrected.notes, corrected.targets
-
-        _export(run, file, texts, [program], "postures", **arguments(_export, typed))
-
-    return with_options(export_program, _export)

@@ -21,6 +21,7 @@ from ..words.provenance import KEYS, SERIAL, by_plain_key, provenance_entry
 from .makers.calibration import RobotCalibration, calibration
 from .makers.fanuc.backup import read_fanuc_backup
 from .makers.maker import require_vendor, vendor_of
+from .makers.universal_robots.kinematics import require_factory_arm
 from .positions.arm_change import ArmChange, kept, reached, up_to_flange
 from .positions.audit import require_not_converted
 from .positions.conversion import Conversion, EnteredJoint, StatedFrames, converted_backup, shown_backup
@@ -55,7 +56,7 @@ def kept_programs(
             "which zeros were entered?" if not any(stated_ways) else "the zeros are stated more than once",
             allowed="one of --entered J2=…,J3=…, --run RUN, --old-mastering and --new-mastering",
         )
-    run = None if zeros.run is None else read_run(zeros.run)
+    run, judged = None if zeros.run is None else read_run(zeros.run), None
     robot = _robot(zeros.robot, run)
     if run is not None:
         judged = calibration(run)
@@ -70,12 +71,14 @@ def kept_programs(
     about = _about("keep", robot, run, source)
     joints = tuple(EnteredJoint(f"J{i}", float(value)) for i, value in enumerate(entered, start=1) if value)
     about = replace(about, entered=joints)
-    return _converted(path, robot, run, choices, lambda arm: (change, undo), about, out)
+    return _converted(path, robot, run, choices, lambda arm: (change, undo), about, out, judged)
 
 
 def reached_programs(path: Path, run: Path, choices: BackupOptions, out: Path | None = None) -> Conversion:
     """The backup with calculated positions for the true arm of a run: nothing was entered."""
     recorded = read_run(run)
+    if vendor_of(recorded.robot) == "universal-robots":
+        require_factory_arm(recorded)
     judged = calibration(recorded, holds="postures")
 
     def changes(nominal: Robot) -> tuple[Callable[[Matrix], Matrix], Callable[[Matrix], Matrix]]:

@@ -23,8 +23,9 @@ _MODEL = ("export robot", "corrected.yaml")
 # What takes links too: a file for ROS, a URDF, or a robot file with its Denavit-Hartenberg rows (RoboDK).
 _LINKS = {"universal-robots": ("export ur-calibration", "calibration.yaml")}
 _URDF = ("export urdf", "corrected.urdf")
-_PROGRAMS = ("denso", "doosan", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")
-_MODEL_ALONE = ("franka",)
+# Whose programs `zerobeam positions` reads, by the endings of their files.
+POSITIONS = {"abb": ".mod, .prg, .sys", "fanuc": ".ls, .va", "kuka": ".src, .dat"}
+_NO_OFFSETS = ("denso", "doosan", "franka", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")
 
 
 # What public material says of a controller's own zeros; to enter values by it is not worked out here.
@@ -50,9 +51,9 @@ def lacks_factory_calibration(vendor: str | None, robot: object) -> bool:
 
 def taken_by(vendor: str | None) -> Takes:
     """What there is for the controllers of this vendor; offsets where it is not known who made the robot."""
-    if vendor in _PROGRAMS:
-        return "programs"
-    return "model" if vendor in _MODEL_ALONE else "offsets"
+    if vendor not in _NO_OFFSETS:
+        return "offsets"
+    return "programs" if vendor in POSITIONS else "model"
 
 
 def export_command(vendor: str | None) -> tuple[str, str]:
@@ -70,7 +71,7 @@ def export_sentence(vendor: str | None) -> str:
     taken = taken_by(vendor)
     if taken == "offsets":
         return "Write the values to enter into a file for this robot."
-    programs = ", or correct its programs (zerobeam export program)" if taken == "programs" else ""
+    programs = ", or convert its programs (zerobeam positions reach)" if taken == "programs" else ""
     return (
         f"Enter nothing: {no_offsets_words(vendor)}. Export the corrected"
         f" robot model for what computes with one (export robot, export urdf){programs}."

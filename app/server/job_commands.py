@@ -8,10 +8,11 @@ from typing import Literal
 
 from ...analysis.analyse_options import AnalyseOptions
 from ...experiments.command_options import AddOptions, CompareOptions, HistoryPageOptions, VerifyOptions
-from ...experiments.makers.format_options import ExportOptions, ImportOptions, ProgramMotion, ProgramOptions
+from ...experiments.makers.format_options import ExportOptions, ImportOptions, ProgramMotion
 from ...experiments.makers.known_logs import known_logs, read_log
 from ...experiments.makers.maker import makers, plan_programs
 from ...experiments.plans.plan_options import PlanOptions
+from ...experiments.positions.positions_options import BackupOptions, ZeroOptions
 from ...experiments.rigs.live.address import SCHEMES, parse_address
 from ...experiments.run_options import RunOptions
 from ...model.errors import BadInput
@@ -67,7 +68,8 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
         for maker in makers()
         for kind in maker.offsets
     },
-    ("export", "program"): (2, _options(ProgramOptions, ExportOptions)),
+    ("positions", "show"): (1, {}),
+    ("positions", "keep"): (1, _options(ZeroOptions, BackupOptions)),
     **{
         ("export", "plan", form): (1, _options(ProgramMotion))
         for form in (*(program.name for program, _ in plan_programs()), "pdf")

@@ -35,7 +35,7 @@ from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
-from ...model.records import if_any, inline, internal, it, key, record
+from ...model.records import inline, internal, it, key, record
 from ...words.case import RunCase
 from ...words.catalogue import against
 from ...words.misfit_words import criterion_sentence, misfit_headline
@@ -43,7 +43,6 @@ from ...words.observability import reason_of
 from ...words.provenance import is_simulated
 from ...words.wording import listed
 from .maker import Holds, one_line
-from .solving import CorrectedTarget
 
 # What a file says of a parameter with an estimate.
 STATUS_WORDS: dict[Status, str] = {
@@ -90,7 +89,7 @@ class Correction:
     @property
     @key(
         "what is to be added to the recorded position (0 if not): the value for nominal geometry, the"
-        " estimate in `export robot`, `urdf`, `ur-calibration` and `program` with `--json`"
+        " estimate in `export robot`, `urdf` and `ur-calibration` with `--json`"
     )
     def applied(self) -> float:
         return (self.row.estimate or 0.0) if self.exported else 0.0
@@ -323,9 +322,6 @@ class RobotCalibration:
     misfit: Annotated[bool, internal]
     warnings: Annotated[tuple[str, ...], internal]
     remarks: Annotated[tuple[str, ...], internal] = ()
-    targets: Annotated[
-        tuple[CorrectedTarget, ...] | None, it("of `export program --json`: each corrected target"), if_any
-    ] = None
 
     @property
     @key("all parameters of the answer: offsets, geometry, targets, tool, noise")

@@ -105,39 +105,3 @@ class ProgramMotion:
         for name in vars(unset):
             if name not in options and getattr(self, name) != getattr(unset, name):
                 raise BadInput(f"--{name} is not for {language}", remedy=f"leave --{name} out")
-
-
-@dataclass(frozen=True)
-class ProgramOptions:
-    """What a program that is corrected does not say itself."""
-
-    tools: Annotated[
-        Sequence[str],
-        Option(
-            "Pose of a tool that the program does not state, [NAME=]X,Y,Z,… in the language's own"
-            " form. Repeatable.",
-            "--tool",
-            metavar="POSE",
-        ),
-    ] = ()
-    frames: Annotated[
-        Sequence[str],
-        Option("The same of a work object, base or user frame. Repeatable.", "--frame", metavar="POSE"),
-    ] = ()
-    near: Annotated[
-        str | None,
-        Option("Joints J1,J2,… in degrees near which Cartesian targets without a configuration are."),
-    ] = None
-    leave: Annotated[
-        Sequence[str],
-        Option("Leave this target as it is (taught on this very arm). Repeatable.", metavar="NAME"),
-    ] = ()
-    calls: Annotated[
-        Sequence[str],
-        Option(
-            "This routine of another file moves no arm, changes no frame, tool or target. Repeatable.",
-            "--call",
-            metavar="NAME",
-        ),
-    ] = ()
-    j3: Annotated[_J3, Option("fanuc: what joint 3 is counted from, if not as the robot file states.")] = None

@@ -22,28 +22,59 @@ Numbers of joints and poses are VALUE. A NAME anywhere else is of what the progr
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from string import ascii_lowercase, ascii_uppercase
+from typing import Any
 
-import numpy as np
-from lark import Token, Tree
+from lark import Lark, TextSlice, Token, Tree
+from lark.exceptions import UnexpectedInput
 
-from ...model.arrays import Matrix
-from ...model.kinematics.branches import Branch
-from ...model.kinematics.orientation import angles_of, from_angles
-from ...model.kinematics.robot import PendantUnit, Robot
+from ...model.kinematics.robot import PendantUnit
 from .maker import blanked
-from .program_parts import (
-    NUMBER,
-    understood,
-)
 
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _CAPITALS = str.maketrans(ascii_lowercase, ascii_uppercase)
 Statement = tuple[int, int, Tree[Token] | None]  # begin, end and derivation
 FOLLOW = {"joints_follow": True, "poses_follow": False, "nothing_follows": None}
 SIX_WITH_COMMAS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}(?![\w.])")
 SIX_WITH_BLANKS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:[ \t]+{NUMBER}){{5,}}(?![\w.])")
+
+
+@cache
+def _parser(language: str, rule: str) -> Lark:
+    text = (Path(__file__).parent / f"{language}.lark").read_text("utf-8")
+    return Lark(text, parser="lalr", start=rule, propagate_positions=True, maybe_placeholders=False)
+
+
+def span(part: Token | Tree[Token]) -> tuple[int, int]:
+    """Start and end in the text of a part of a statement that is not empty."""
+    if isinstance(part, Tree):
+        return part.meta.start_pos, part.meta.end_pos
+    assert part.start_pos is not None
+    return part.start_pos, part.start_pos + len(part)
+
+
+def understood(language: str, rule: str, text: str, start: int, end: int) -> Tree[Token] | None:
+    """The derivation by `rule` of the text from `start` to `end`, with places in the whole text; None where
+    the grammar has none."""
+    # Lark counts the lines before a slice at each call: it gets no more than the character before.
+    before = max(start - 1, 0)
+    try:
+        tree = _parser(language, rule).parse(TextSlice(text[before:end], start - before, end - before))
+    except UnexpectedInput:
+        return None
+    placed: list[Any] = []
+    for part in tree.iter_subtrees():
+        placed += [part.meta, *(each for each in part.children if isinstance(each, Token))]
+    for part_or_token in placed:
+        if getattr(part_or_token, "start_pos", None) is not None:
+            part_or_token.start_pos += before
+        if getattr(part_or_token, "end_pos", None) is not None:
+            part_or_token.end_pos += before
+    return tree
 
 
 def capitals(text: str) -> str:
@@ -55,64 +86,27 @@ def capitals(text: str) -> str:
 class LineLanguage:
     """A language of such programs.
 
-    `grammar` is the file of its grammar; `remark` a pattern of its comments, `head` one of the lines behind
-    which the remarks of a correction are put, each behind `comment`. Joints are in `unit`; a pose has the
-    numbers of `form`, whose angles are about `axes` (see `euler`). Numbers are written to so many decimals.
-    `literal` has
-    all that
-    looks like joints or a pose. Of `framed` positions tool and frame are those of the lines above them, else
-    those of the motion. `flange_tools` and `base_frames` are the names of tools and frames that are none. An
-    `indented` language has its blocks by indentation; behind a line that `opens` a block there is a brace.
-    `matching` says of a configuration which joints (n,), degrees, have it, None where that is not known;
-    without it the words are compared with each other.
-    Where more than lines of code has positions, `read` has all statements, and `positions` the spans that
-    `literal` has else. `words` are those of the configuration of joints (n,), degrees, in their order;
-    without it they are not interpreted, and `words_mean` says what they are, and from where. `computed` has
-    patterns of what computes a target, each with the reason why it is refused. `saved_decimals` are those
-    that a controller saves, where they are fewer than `joint_decimals`. `derives` says what the grammar
-    cannot of a line's tree. `marked` and
-    `with_data` are those of the `Language`.
+    `grammar` is the file of its grammar; `remark` a pattern of its comments. Joints are in `unit`, written to
+    so many decimals; `saved_decimals` are those that a controller saves, where they are fewer. `literal` has
+    all that looks like joints or a pose. An `indented` language has its blocks by indentation; behind a line
+    that `opens` a block there is a brace. Where more than lines of code has positions, `read` has all
+    statements, and `positions` the spans that `literal` has else. `derives` says what the grammar cannot of a
+    line's tree.
     """
 
     name: str
     grammar: str
     remark: str
-    head: str
-    comment: str
-    axes: str
-    form: str
     unit: PendantUnit = "deg"
     joint_decimals: int = 6
-    pose_decimals: Sequence[int] = (4, 4, 4, 6, 6, 6)
     literal: re.Pattern[str] = SIX_WITH_COMMAS
-    flange_tools: frozenset[str] = frozenset()
-    base_frames: frozenset[str] = frozenset()
-    framed: bool = False
     case_sensitive: bool = False
-    shared: re.Pattern[str] | None = None
-    turns: Callable[[Matrix], bool] | None = None
-    remark_width: int | None = None
     indented: bool = False
     opens: re.Pattern[str] | None = None
-    matching: Callable[[Robot, str], Callable[[Matrix], bool] | None] | None = None
-    comment_end: str = ""
     read: Callable[[str], Iterator[Statement]] | None = None
     positions: Callable[[str], list[tuple[int, int]]] | None = None
-    words: Callable[[Branch, Matrix], str] | None = None
-    words_mean: str = ""
-    computed: Mapping[str, str] = field(default_factory=dict)
     saved_decimals: int | None = None
     derives: Callable[[Tree[Token]], bool] | None = None
-    marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
-    with_data: Mapping[str, Callable[[str, str], str]] = field(default_factory=dict)
-
-    def pose(self, numbers: Sequence[float]) -> Matrix:
-        """(4, 4) of numbers as `form` has them."""
-        return from_angles(self.axes, numbers)
-
-    def numbers(self, pose: Matrix) -> list[float]:
-        """The numbers of a pose (4, 4)."""
-        return [*pose[:3, 3].tolist(), *np.degrees(angles_of(pose[:3, :3], self.axes)).tolist()]
 
     def literals(self, text: str) -> list[tuple[int, int]]:
         """The spans of all that looks like joints or a pose."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar
 
 from ...model.errors import BadInput
 from ...model.options import Option, names_typed
-from ...words.controllers import Takes
+from ...words.controllers import POSITIONS, Takes
 
 if TYPE_CHECKING:
     from ...model.files.robot_file import Vendor
@@ -56,10 +56,6 @@ class NamedFormat(Protocol):
 def all_have_a_place(run: Run) -> Collection[str]:
     """The geometry parameters, by name, for which a file of links has no place: none."""
     return ()
-
-
-def takes_any_arm(run: Run) -> None:
-    """The controller computes with the nominal arm, or it is not known with which."""
 
 
 def nothing_lacks(options: Mapping[str, Any]) -> str | None:
@@ -141,22 +137,6 @@ class KnownLog:
 
 
 @dataclass(frozen=True)
-class ProgramFiles:
-    """`zerobeam export program`: files of a language by their endings. A program is several files where they
-    are `paired` (of one name), or those of the `folder` with these endings; `paired` has the order of all.
-    `language` loads what reads them (`program_parts.Language`), `require_arm` refuses a run of another arm
-    than the one that the controller computes with."""
-
-    name: str
-    about: str
-    endings: tuple[str, ...]
-    language: Callable[[], Any]
-    paired: tuple[str, ...] = ()
-    folder: tuple[str, ...] = ()
-    require_arm: Callable[[Run], None] = takes_any_arm
-
-
-@dataclass(frozen=True)
 class Maker:
     """`name` as people write it, `vendor` as robot files do (None: for robots of any), `models` a pattern of
     the names of its robots; `live` is the rig that talks to its controllers."""
@@ -168,7 +148,6 @@ class Maker:
     program: tuple[PlanProgram, ...] = ()
     read: tuple[Reader, ...] = ()
     logs: tuple[KnownLog, ...] = ()
-    correct: tuple[ProgramFiles, ...] = ()
     live: str | None = None
     tried: str = field(default="on no controller")
 
@@ -177,7 +156,7 @@ class Maker:
         """What there is for its controllers, as reports say it: offsets, else programs, else a model."""
         if self.offsets:
             return "offsets"
-        return "programs" if self.correct else "model"
+        return "programs" if self.vendor in POSITIONS else "model"
 
 
 @cache
@@ -194,13 +173,6 @@ _Kind = TypeVar("_Kind", bound=NamedFormat)
 def in_order(kinds: Sequence[_Kind], names: Sequence[str]) -> list[_Kind]:
     """Kinds as they are listed in help: those in `names` first."""
     return sorted(kinds, key=lambda kind: names.index(kind.name) if kind.name in names else len(names))
-
-
-def program_languages() -> list[tuple[ProgramFiles, Vendor]]:
-    """The languages of programs that can be corrected, each with its maker."""
-    languages = {files: maker.vendor for maker in makers() if maker.vendor for files in maker.correct}
-    order = in_order(list(languages), ("RAPID", "KRL", "TP", "URScript"))
-    return [(files, languages[files]) for files in order]
 
 
 def plan_programs() -> list[tuple[PlanProgram, Vendor | None]]:

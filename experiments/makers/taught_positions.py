@@ -15,10 +15,7 @@ from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import line_numbers
 from .import_jobs import Imported, ImportJob, TaughtPoint, import_points
 from .joint_text import require_same_plan, required_plan
-from .line_language import FOLLOW, LineLanguage, capitals, is_a_pose, tokens
-from .program_parts import (
-    span,
-)
+from .line_language import FOLLOW, LineLanguage, capitals, is_a_pose, span, tokens
 
 # Of a plan's program: planned, measured, via.
 POSTURE = re.compile(r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE)

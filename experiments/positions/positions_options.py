@@ -62,7 +62,7 @@ class ZeroOptions:
     """Which zeros were entered: by hand, by the mastering before and after, or as a run says."""
 
     robot: Annotated[
-        str | None, Option("The arm: a built-in name or a robot file; with --run that of the run.")
+        str | None, Option("The arm: a built-in name or a robot file; with --run that of the run.", app=False)
     ] = None
     entered: Annotated[
         str | None,

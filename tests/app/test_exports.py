@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
-from user_programs import UserProgram, varied, written
 
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import job_command
 from zerobeam.experiments.makers.maker import makers
-from zerobeam.model.files.robot_file import load_robot
 
 
 def test_every_form_of_every_maker_can_be_exported_with_its_options(client: TestClient, root: Path) -> None:
@@ -69,28 +67,3 @@ def test_what_is_no_new_folder_is_refused_with_its_key(client: TestClient, root:
     assert answer.status_code == 400
     assert answer.json()["error"]["key"] == ["name"]
     assert sorted(root.parent.rglob("*")) == before
-
-
-def test_the_languages_of_programs_are_those_of_the_makers(client: TestClient) -> None:
-    rows = client.get("/api/languages").json()
-    assert {row["name"]: row["endings"] for row in rows} == {
-        files.name: list(files.endings) for maker in makers() for files in maker.correct
-    }
-    assert {"RAPID", "KRL", "TP", "URScript", "INFORM", "VAL3"} <= {row["name"] for row in rows}
-
-
-def test_a_program_names_the_tools_and_frames_to_state(client: TestClient, root: Path) -> None:
-    robot = load_robot("irb1600")
-    program = written(root, UserProgram("rapid", robot, varied(robot, 4)), "")
-    lines = ["MODULE m", "PROC main()", "MoveJ p10,v100,fine,tGrip\\WObj:=wFix;", "ENDPROC", "ENDMODULE"]
-    target = "CONST robtarget p10:=[[900,0,900],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
-    program.write_text("\n".join([lines[0], target, *lines[1:]]) + "\n")
-    ask = {"file": program.name, "run": "run.jsonl"}
-    assert client.get("/api/program", params=ask).json() == [
-        {"what": "tool", "name": "tGrip", "form": "X, Y, Z, Q1, Q2, Q3, Q4 (mm)"},
-        {"what": "frame", "name": "wFix", "form": "X, Y, Z, Q1, Q2, Q3, Q4 (mm)"},
-    ]
-    assert client.get("/api/program", params=ask | {"file": "plan.yaml"}).status_code == 400
-    assert client.get("/api/program", params=ask | {"file": "../outside.yaml"}).status_code == 400
-    program.write_text(program.read_text() + "! x\n" * 500_001)
-    assert "too long" in client.get("/api/program", params=ask).json()["error"]["what"]

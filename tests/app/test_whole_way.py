@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,28 +10,15 @@ import numpy as np
 import pytest
 from app_page import SCREENS, app, root, wait
 from chromium import Size, Tab, chromium
-from command_line import zerobeam
-from controller_arm import ControllerArm
-from user_programs import STATED, UserProgram
+from made_backups import DIALECTS
 from walkers import DESK, Finger, Keyboard, Mouse, Walker
-
-from zerobeam.model.files.robot_file import load_robot
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
 _MINUTES = 300.0  # seconds: a plan is made, a run is rehearsed, a report is written
 _MOST_STOPS = 5  # to the first control
 NAME = "lrmate_200id"
-ROWS = np.array(
-    [
-        [10, 20, 10, -30, -50, 40],
-        [25, -5, 20, 15, -60, 10],
-        [-40, 30, 15, 20, -45, -60],
-        [5, 15, 25, -10, -70, 30],
-    ]
-)
 REPORTED = "document.querySelector('.message .word') && document.querySelector('.offsets')"
-_MM = 0.8  # gravity and harmonics, which no robot file has: 0.05 degrees at 0.7 m, and three decimals
 
 WALKS: dict[str, tuple[Callable[[Tab], Walker], Size]] = {
     "mouse": (Mouse, DESK),
@@ -66,49 +54,46 @@ def exported(tab: Tab, walker: Walker) -> None:
     wait(tab, "document.querySelector('form.exports a[download]')", _MINUTES)
 
 
-def corrected(tab: Tab, walker: Walker, program: Path) -> None:
-    """A program that is sent and corrected; what it says of tool and frame is missing at first."""
-    done = (
-        "[...document.querySelectorAll('a[download]')].some((a) => a.textContent.includes('-corrected.ls'))"
-    )
-    walker.press("summary", "Correct a program")
-    walker.send("or send one", program)
-    wait(tab, f"document.querySelector('.program select')?.value.endsWith({program.name!r})")
-    walker.press("button", "Correct the program")
-    wait(tab, "document.querySelector('.program pre.log')?.textContent.includes('tool frame 3')", _MINUTES)
-    walker.write("Tool 3: X, Y, Z, W, P, R (mm, deg)", STATED["fanuc"].tools[0].removeprefix("3="))
-    walker.write("Frame 2: X, Y, Z, W, P, R (mm, deg)", STATED["fanuc"].frames[0].removeprefix("2="))
-    walker.press("button", "Correct the program")
+def converted(tab: Tab, walker: Walker, listing: Path, frames: Path) -> None:
+    """A program that is sent with its frames, and converted once a line of it is accepted."""
+    walker.press("summary", "My programs")
+    walker.send("or send files", frames)
+    walker.send("or send files", listing)
+    wait(tab, f"document.querySelector('.program select')?.value.endsWith({listing.name!r})")
+    walker.press("button", "Convert the positions")
+    wait(tab, "document.querySelector('form.program')?.textContent.includes('Look at these lines')", _MINUTES)
+    walker.write("Lines that you have looked at, FILE:LINE", f"{listing.name}:11")
+    walker.press("button", "Convert the positions")
+    done = "[...document.querySelectorAll('a[download]')].some((a) => a.textContent.includes('audit.json'))"
     wait(tab, done, _MINUTES)
 
 
 @pytest.mark.parametrize("by", WALKS)
-def test_the_whole_way_from_the_empty_folder_to_a_corrected_program(tmp_path: Path, by: str) -> None:
+def test_the_whole_way_from_the_empty_folder_to_a_converted_program(tmp_path: Path, by: str) -> None:
     make, size = WALKS[by]
-    folder, robot = tmp_path / "folder", load_robot(NAME)
+    folder = tmp_path / "folder"
     folder.mkdir()
-    program = UserProgram("fanuc", robot, ROWS)
-    listing = tmp_path / "job.ls"
-    listing.write_bytes(program.text().encode("latin-1"))
+    backup = DIALECTS["TP"].made(2)
+    text = backup.texts["WORK.LS"].replace("/POS", "  99:L P[1] 10mm/sec FINE Offset,PR[7]    ;\n/POS")
+    for name, content in {"WORK.LS": text, "SYSFRAME.VA": backup.texts["SYSFRAME.VA"]}.items():
+        (tmp_path / name).write_text(content)
     with app(folder) as served, chromium().opened(served.address, size) as tab:
         walker = make(tab)
         wait(tab, "document.querySelector('.begin')")
         to_the_result(tab, walker)
         exported(tab, walker)
-        corrected(tab, walker, listing)
+        converted(tab, walker, tmp_path / "WORK.LS", tmp_path / "SYSFRAME.VA")
         assert tab.console == []
         assert [url for url in tab.asked if not url.startswith(root(served.address))] == []
     (sheet,) = (folder / NAME).glob("*fanuc*.txt")
     assert "J2" in sheet.read_text(encoding="utf-8")
-    assert (folder / NAME / "job.ls").read_bytes() == listing.read_bytes()
-    after = program.commanded((folder / NAME / "job-corrected.ls").read_text(encoding="latin-1"))
-    arm = tmp_path / "arm.yaml"
-    zerobeam("export", "robot", folder / NAME / "plan-run.jsonl", "-o", arm)
-    nominal, calibrated = ControllerArm.of(robot), ControllerArm.of(load_robot(str(arm)))
-    meant = nominal.frames(program.rows)[-1, :, :3, 3]
-    before, reached = (calibrated.frames(rows)[-1, :, :3, 3] for rows in (program.rows, after))
-    assert np.linalg.norm(before - meant, axis=1).min() > 3 * _MM
-    assert np.linalg.norm(reached - meant, axis=1).max() < _MM
+    assert (folder / NAME / "WORK.LS").read_text() == text
+    (audit,) = (folder / NAME).glob("*converted*/audit.json")
+    entered = np.zeros(6)
+    for one in json.loads(audit.read_text())["entered"]:
+        entered[int(one["joint"][1:]) - 1] = one["value"]
+    after = {"WORK.LS": (audit.parent / "WORK.LS").read_text(), "POSREG.VA": backup.texts["POSREG.VA"]}
+    assert backup.kept(after, entered)
 
 
 def test_the_first_control_is_a_few_stops_from_the_head_of_each_view(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_options_of_another_tool_are_bad_usage(run: Run, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("staubli", ["not worked out here (arm.cfx holds", ".pgx or .dtx", "export robot, export urdf"]),
+        ("staubli", ["not worked out here (arm.cfx holds", "export robot, export urdf"]),
         ("kawasaki", ["not worked out here", "ZZERO"]),
         ("denso", ["not worked out here", "CALSET"]),
         ("franka", ["not worked out here", "allowed: export robot, export urdf"]),

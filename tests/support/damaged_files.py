@@ -10,13 +10,9 @@ from typing import Any
 import numpy as np
 
 from zerobeam.experiments.makers.import_jobs import ImportJob
-from zerobeam.experiments.makers.line_language import LineLanguage
-from zerobeam.experiments.makers.line_programs import for_correction
 from zerobeam.experiments.makers.maker import makers
-from zerobeam.experiments.makers.program_parts import JointTarget, ProgramFacts, Source
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.kinematics.robot import Robot
 
 
 def damaged(text: str, count: int, seed: int = 0) -> Iterator[str]:
@@ -86,27 +82,6 @@ def joints_read(reader_name: str, plan: Plan, path: Path) -> Callable[[str], dic
         path.write_bytes(text.encode())
         run = reader.read(ImportJob.begin([path], plan, path.with_name("run.jsonl")))
         return {shot.shot: tuple(shot.joints_deg) for shot in run.shots}
-
-    return read
-
-
-def positions_read(
-    language: LineLanguage, robot: Robot, facts: Callable[[], ProgramFacts] = ProgramFacts
-) -> Callable[[str], dict[str, Any]]:
-    """A reader of programs, as far as the arm need not be solved: joints and poses of targets that have a
-    name."""
-    whole = for_correction(language)
-
-    def read(text: str) -> dict[str, Any]:
-        parsed = whole.targets(Source(text, robot, facts()))
-        spans = {(span.start, span.end) for span in parsed.literals}
-        if parsed.problems or spans != set(whole.literals(text)):
-            raise BadInput("this is refused")
-        return {
-            name: (target.joints if isinstance(target, JointTarget) else np.round(target.pose, 6)).tolist()
-            for name, target in parsed.targets.items()
-            if not name.startswith("the target in line")
-        }
 
     return read
 

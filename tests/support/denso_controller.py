@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
-from user_programs import TABLE, TOOL, flange_arm, solved_pose
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.kinematics.robot import Robot
 
@@ -87,44 +85,9 @@ def _numbers(pose: Matrix) -> str:
     return ", ".join(f"{value:.6f}" for value in [*pose[:3, 3], *turns])
 
 
-STATED = ProgramOptions(tools=[f"1={_numbers(TOOL)}"], frames=[f"2={_numbers(TABLE)}"])
-
-
 def _figure(robot: Robot, row: Matrix) -> int:
     """A number for each branch of the VS-060. Which number Denso gives which branch is not interpreted."""
     q2, q3 = np.radians(row[1]), np.radians(row[1] + row[2])
     ahead = 305 * np.sin(q2) - 10 * np.cos(q3) + 300 * np.sin(q3)
     above = row[2] > np.degrees(np.arctan2(10, 300))
     return 4 * int(ahead > 0) + 2 * int(above) + int(row[4] > 0)
-
-
-def user_program(robot: Robot, rows: Matrix) -> str:
-    """As a person has it: joints, and poses behind joints nearby."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
-    lines = ['\'!TITLE "job"', "Sub Main", "  Dim p_1 As Position", "  TakeArm Keep = 0", "  ChangeTool 1"]
-    lines += ["  ChangeWork 2", "  Speed 30"]
-    for i, row in enumerate(rows):
-        joints = ", ".join(f"{value:.6f}" for value in row)
-        if i % 2 == 0:
-            lines += [f"  j_{i} = J({joints})", f"  Move P, @E j_{i}, S = 50  ' go"]
-        else:
-            lines += [f"  Move P, @P J( {joints} )"]
-            lines += [f"  p_{i} = P( {_numbers(poses[i])}, {_figure(robot, row)} )"]
-            lines += [f"  Move {'PL'[i % 4 == 3]}, @0 p_{i}, Next"]
-    return "\r\n".join([*lines, "  Set IO[24]", "End Sub", ""])
-
-
-def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:
-    """(N, n) degrees that the controller of the nominal arm commands at each motion to a j or p."""
-    result = []
-    for i, row in enumerate(rows):
-        if i % 2 == 0:
-            result.append(np.array(re.search(rf"j_{i} = J\((.*?)\)", text)[1].split(","), dtype=float))
-            continue
-        x, y, z, *turns, figure = map(float, re.search(rf"p_{i} = P\((.*?)\)", text)[1].split(","))
-        assert figure == _figure(robot, row)
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_euler("xyz", turns, degrees=True).as_matrix()
-        pose[:3, 3] = x, y, z
-        result.append(solved_pose(robot, TABLE @ pose @ np.linalg.inv(TOOL), row))
-    return np.array(result)

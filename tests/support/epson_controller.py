@@ -12,12 +12,9 @@ from pathlib import Path
 import numpy as np
 from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
-from user_programs import TABLE, TOOL, flange_arm, solved_pose
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN
-from zerobeam.model.kinematics.robot import Robot
 
 TARGET = (500.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "spel", "spel", ".prg"
@@ -119,7 +116,6 @@ def _numbers(pose: Matrix) -> list[str]:
     return [f"{value:.6f}" for value in [*pose[:3, 3], *turns]]
 
 
-STATED = ProgramOptions(tools=[f"1={','.join(_numbers(TOOL))}"], frames=[f"2={','.join(_numbers(TABLE))}"])
 _POINT = """Point{n} {{
 \tnNumber={n}
 \tsLabel="{label}"
@@ -165,29 +161,6 @@ def _words(row: Matrix) -> list[int]:
     return [1 + int(each) for each in (ahead < 0, row[2] > 0, row[4] < 0)]
 
 
-def user_program(robot: Robot, rows: Matrix) -> str:
-    """As a person has it: joints, and behind joints nearby points with a label or not, and XY."""
-    poses = flange_arm(robot).fk(rows, "deg") @ TOOL
-    lines, points = ["Function main", "  Motor On", "  Tool 1", "  Speed 20"], []
-    for i, row in enumerate(rows):
-        go = f"  Go JA({', '.join(f'{value:.4f}' for value in row)})"
-        if i % 2 == 0 or abs(row[2]) < 3:  # stretched: a pose has no branch
-            lines.append(f"{go}  ' caf\xe9")
-            continue
-        lines.append(f"{go}  ' near")
-        hand, elbow, wrist = _words(row)
-        if i % 4 == 3:
-            words = f"/{'RL'[hand - 1]} /{'AB'[elbow - 1]} /{'NF'[wrist - 1 :]}"
-            lines.append(f"  Move XY({', '.join(_numbers(poses[i]))}) {words}")
-            continue
-        label = "" if i % 8 == 1 else "pick"
-        lines.append(f"  Go {label or f'P{i}'}")
-        numbers = _numbers(np.linalg.inv(TABLE) @ poses[i])
-        points.append(_POINT.format(*numbers, n=i, label=label, hand=hand, elbow=elbow, wrist=wrist))
-    code = "\r\n".join([*lines, "  On 3", "Fend", ""])
-    return code + (_HEAD.format(count=len(points)) + "".join(points)).replace("\n", "\r\n")
-
-
 def in_files(folder: Path, text: str) -> Path:
     """The program, and its points beside it."""
     folder.mkdir(exist_ok=True)
@@ -195,25 +168,3 @@ def in_files(folder: Path, text: str) -> Path:
     for name, content in (("job.prg", code), ("robot1.pts", head + points)):
         (folder / name).write_bytes(content.encode("latin-1"))
     return folder / "job.prg"
-
-
-def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:
-    """(N, n) degrees that the controller of the nominal arm commands at each motion but those to be near."""
-    points = {}
-    for point in re.findall(r"Point\d+ \{(.*?)\}", text, re.DOTALL):
-        fields = dict(re.findall(r"(\w+)=(\S+)", point))
-        name = fields["sLabel"].strip('"') or f"P{fields['nNumber']}"
-        points[name] = [float(fields[f"r{key}"]) for key in "XYZUVW"]
-    moves = re.findall(r"^ +(?:Go|Move) (?!.*' near)(JA|XY|\w+)(?:\((.*?)\))?", text, re.MULTILINE)
-    result = []
-    for (name, values), row in zip(moves, rows, strict=True):
-        numbers = points[name] if name in points else [float(value) for value in values.split(",")]
-        if name == "JA":
-            result.append(np.array(numbers))
-            continue
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_euler("ZYX", numbers[3:], degrees=True).as_matrix()
-        pose[:3, 3] = numbers[:3]
-        frame = np.eye(4) if name == "XY" else TABLE
-        result.append(solved_pose(robot, frame @ pose @ np.linalg.inv(TOOL), row))
-    return np.array(result)

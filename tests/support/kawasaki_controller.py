@@ -12,11 +12,8 @@ from pathlib import Path
 import numpy as np
 from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
-from user_programs import TABLE, TOOL, flange_arm, solved_pose
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
-from zerobeam.model.kinematics.robot import Robot
 
 ROBOT, TARGET = "rs007n", (500.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "as", "as", ".as"
@@ -64,46 +61,3 @@ def _pose(text: str) -> Matrix:
     result[:3, :3] = Rotation.from_euler("ZYZ", turns, degrees=True).as_matrix()
     result[:3, 3] = x, y, z
     return result
-
-
-STATED = ProgramOptions(frames=[f"table={_oat(TABLE).replace(' ', ',')}"])
-
-
-def user_program(robot: Robot, rows: Matrix) -> str:
-    """As a person has it: joints and a pose after each other."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
-    moves = [f"  {'LMOVE p' if i % 2 else 'JMOVE #j'}{i} ; go" for i in range(len(rows))]
-    return "\r\n".join(
-        [
-            ".PROGRAM job()",
-            f"  TOOL TRANS({_oat(TOOL).replace(' ', ',')})",
-            "  BASE table",
-            "  SPEED 30 ALWAYS",
-            *(f"  JMOVE #near{i}\r\n{move}" if i % 2 else move for i, move in enumerate(moves)),
-            "  SIGNAL 3",
-            ".END",
-            ".TRANS",
-            *(f"p{i}  {_oat(poses[i])}" for i in range(1, len(rows), 2)),
-            ".END",
-            ".JOINTS",
-            *(
-                f"#{'near' if i % 2 else 'j'}{i}  {' '.join(f'{value:.6f}' for value in row)}"
-                for i, row in enumerate(rows)
-            ),
-            ".END",
-            "",
-        ]
-    )
-
-
-def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:
-    """(N, n) degrees that the controller of the nominal arm commands at each motion to a #j or p."""
-    result = []
-    for i, row in enumerate(rows):
-        name = f"p{i}" if i % 2 else f"#j{i}"
-        values = re.search(rf"^{name} +(.*?)\r?$", text, re.MULTILINE)[1]
-        if i % 2:
-            result.append(solved_pose(robot, TABLE @ _pose(values) @ np.linalg.inv(TOOL), row))
-        else:
-            result.append(np.array([float(value) for value in values.split()]))
-    return np.array(result)

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from program_arm import PendantArm
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN
 from zerobeam.model.kinematics.robot import Robot
@@ -21,7 +20,6 @@ TARGET = (500.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "slim", "slim", ".slim"
 STEP_DEG = 1e-5  # the digits of the positions of a plan's program
 DIGITS_MM = 0.05  # … and of a program of a person, of three decimals
-STATED = ProgramOptions()
 MOVE = r"MOVEX (?:A=\d,)?(?:AC=0,SM=0,)?M1J,[PL],\(([^()]*)\),[RS]=([\d.]+),H=\d+,MS"
 
 

@@ -12,9 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
-from user_programs import TABLE, TOOL, flange_arm, solved_pose
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.kinematics.robot import Robot
 
@@ -22,7 +20,6 @@ ROBOT, TARGET = "tx2_60", (450.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "val3", "val3", ".pjx"
 STEP_DEG = 6e-4  # the digits of the positions of a plan's program
 DIGITS_MM = 1e-3  # … and of a program of a person
-STATED = ProgramOptions()
 _DATA = "{http://www.staubli.com/robotics/VAL3/Data/2}"
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 JOINTS = [f"j{i}" for i in range(1, 7)]
@@ -99,46 +96,6 @@ def data_file(lines: list[str]) -> str:
         f'<Database xmlns:xsi="{_XSI}" xmlns="{_DATA[1:-1]}">\r\n  <Datas>\r\n{rows}\r\n'
         "  </Datas>\r\n</Database>\r\n"
     )
-
-
-def user_program(robot: Robot, rows: Matrix) -> str:
-    """As a person has it: joints and a pose after each other, in one array each."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
-    moves = []
-    for i in range(len(rows)):
-        moves.append(f"  movej(jAt[{i}],tGrip,mNom) // go")
-        if i % 2:
-            moves.append(f"  {'movel' if i % 4 == 1 else 'nMove=movej'}(pAt[{i // 2}],tGrip[0],mNom)")
-    points = [
-        f'{pose_of(poses[i])} {configuration(robot, rows[i])} fatherId="fTable[0]"'
-        for i in range(1, len(rows), 2)
-    ]
-    datas = [
-        data("fTable", "frame", f'{pose_of(TABLE)} fatherId="world[0]"'),
-        data("tGrip", "tool", f'{pose_of(TOOL)} fatherId="flange[0]" ioLink="valve1"'),
-        data("mNom", "mdesc", 'accel="100" vel="100" decel="100" tmax="999" rmax="99" blend="off"'),
-        data("nMove", "num"),
-        data("jAt", "jointRx", *(attributes(JOINTS, row) for row in rows)),
-        data("pAt", "pointRx", *points),
-    ]
-    return code_file("start", [*moves, "  waitEndMove()"]) + data_file(datas)
-
-
-def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:
-    """(N, n) degrees that the controller of the nominal arm commands at each motion to a jAt or pAt."""
-    root = ElementTree.fromstring(text[text.rindex("<?xml") :].encode())
-    values = {each.get("name"): [dict(value.attrib) for value in each] for each in root.iter(f"{_DATA}Data")}
-    result = []
-    for i, row in enumerate(rows):
-        if i % 2:
-            numbers = [float(values["pAt"][i // 2][key]) for key in POSE]
-            pose = np.eye(4)
-            pose[:3, :3] = Rotation.from_euler("XYZ", numbers[3:], degrees=True).as_matrix()
-            pose[:3, 3] = numbers[:3]
-            result.append(solved_pose(robot, TABLE @ pose @ np.linalg.inv(TOOL), row))
-        else:
-            result.append(np.array([float(values["jAt"][i][key]) for key in JOINTS]))
-    return np.array(result)
 
 
 def in_files(folder: Path, text: str) -> Path:

@@ -8,15 +8,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
 from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
-from user_programs import TABLE, TOOL, flange_arm, solved_pose
-from user_programs import frame as by_fixed_axes
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
-from zerobeam.model.kinematics.robot import Robot
 
 ROBOT, TARGET = "tm5_900", (450.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "tmscript", "tmscript", ".tms"
@@ -51,36 +46,3 @@ def numbers(pose: Matrix) -> str:
     """X, Y, Z, RX, RY, RZ."""
     turns = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
     return ",".join(f"{value:.6f}" for value in [*pose[:3, 3], *turns])
-
-
-STATED = ProgramOptions(frames=[f"Table={numbers(TABLE)}"])
-
-
-def user_program(robot: Robot, rows: Matrix) -> str:
-    """As a person has it: joints and a pose in a straight line after each other."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
-    joints = [",".join(f"{value:.6f}" for value in row) for row in rows]
-    lines = ["define", "{", "int count = 0"]
-    lines += [f"float[] j{i} = {{{joints[i]}}}" for i in range(0, len(rows), 2)]
-    lines += [f"float[] p{i} = {{{numbers(poses[i])}}}" for i in range(1, len(rows), 2)]
-    lines += ["}", "main", "{", f"ChangeTCP({numbers(TOOL)})", 'ChangeBase("Table")']
-    for i in range(len(rows)):
-        if i % 2:
-            lines += [f'PTP("JPP",{joints[i]},35,200,0,false)', f'Line("CAP",p{i},100,200,0,false) // go']
-        else:
-            lines += [f'PTP("JPP",j{i},35,200,0,false)', "Sleep(100)"]
-    return "\r\n".join([*lines, 'IO["ControlBox"].DO[0] = 1', "}", ""])
-
-
-def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:
-    """(N, n) degrees that the controller of the nominal arm commands at each motion to a j or p."""
-    values = {name: [float(value) for value in row.split(",")] for name, row in re.findall(_DECLARED, text)}
-    result = []
-    for name in re.findall(r'(?:PTP|Line)\("(?:JPP|CAP)",([jp]\d+),', text):
-        row = rows[int(name[1:])]
-        if name[0] == "j":
-            result.append(np.array(values[name]))
-        else:
-            pose = by_fixed_axes(*values[name])
-            result.append(solved_pose(robot, TABLE @ pose @ np.linalg.inv(TOOL), row))
-    return np.array(result)

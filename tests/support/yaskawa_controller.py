@@ -11,19 +11,15 @@ from pathlib import Path
 import numpy as np
 from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
-from user_programs import TABLE, TOOL, flange_arm, frame, solved_pose
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN
-from zerobeam.model.kinematics.robot import Robot
 
 TARGET = (600.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "inform", "inform", ".jbi"
 PULSES = np.array([1341.4, -1365.3, 1205.0, 1001.25, -980.5, 455.1])
 STEP_DEG = 0.51 / 455.1  # half a pulse
 DIGITS_MM = 0.05  # half a pulse of each axis
-STATED = ProgramOptions(tools=["3=10,-5,120,0,30,20"], frames=["2=300,-100,50,0,0,15"])
 MODIFIABLE = re.compile(r"^(C\d{5})=([-\d,]+)$", re.MULTILINE)
 
 
@@ -82,43 +78,3 @@ def rconf(row: Matrix) -> str:
 def _values(pose: Matrix) -> str:
     turns = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
     return ",".join([*(f"{value:.3f}" for value in pose[:3, 3]), *(f"{value:.4f}" for value in turns)])
-
-
-def user_program(robot: Robot, rows: Matrix) -> str:
-    """As a controller saves it: positions in pulses, then poses, each with its configuration."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
-    pulses = [",".join(str(round(value)) for value in row * PULSES) for row in rows]
-    joints = [f"C{(100 if i % 2 else 0) + i:05d}={row}" for i, row in enumerate(pulses)]
-    cartesian = [
-        line
-        for i in range(1, len(rows), 2)
-        for line in (f"///RCONF {rconf(rows[i])}", f"C{i:05d}={_values(poses[i])}")
-    ]
-    moves = []
-    for i in range(len(rows)):
-        near = [f"MOVJ C{100 + i:05d} VJ=50.00"] if i % 2 else []
-        moves += [*near, f"{'MOVL' if i % 2 else 'MOVJ'} C{i:05d} {'V=100.0 PL=1' if i % 2 else 'VJ=50.00'}"]
-    return "\r\n".join(
-        [
-            *("/JOB", "//NAME JOB", "//POS", f"///NPOS {len(joints) + len(rows) // 2},0,0,0,0,0"),
-            *("///TOOL 3", "///POSTYPE PULSE", "///PULSE", *joints),
-            *("///USER 2", "///POSTYPE USER", "///RECTAN", *cartesian),
-            *("//INST", "///DATE 2020/01/01 12:00", "///ATTR SC,RW", "///GROUP1 RB1", "NOP"),
-            *("'caf\xe9", *moves, "DOUT OT#(3) ON", "TIMER T=1.00", "END", ""),
-        ]
-    )
-
-
-def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:
-    """(N, n) degrees that the controller of the nominal arm commands at each motion to C00000, C00001, …"""
-    result = []
-    for i, row in enumerate(rows):
-        values = [
-            float(value) for value in re.search(rf"^C{i:05d}=(.*?)\r?$", text, re.MULTILINE)[1].split(",")
-        ]
-        if i % 2:
-            result.append(solved_pose(robot, TABLE @ frame(*values) @ np.linalg.inv(TOOL), row))
-            assert rconf(result[-1]) == rconf(row)
-        else:
-            result.append(np.array(values) / PULSES)
-    return np.array(result)

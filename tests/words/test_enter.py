@@ -15,6 +15,7 @@ from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.run.next_steps_section import next_steps_section
 from zerobeam.reports.style.blocks import Table
 from zerobeam.words import numbers
+from zerobeam.words.controllers import POSITIONS
 from zerobeam.words.enter import (
     NO_REQUIREMENT,
     NOT_CLAIMED,
@@ -99,14 +100,14 @@ def test_what_offsets_alone_cannot_do_is_said_with_the_region() -> None:
         assert (beyond_offsets_sentence(judged) is not None) == impossible
 
 
-@pytest.mark.parametrize(("vendor", "programs"), [("doosan", True), ("franka", False)])
-def test_a_controller_that_takes_no_offsets_is_offered_what_it_takes(vendor: str, programs: bool) -> None:
+@pytest.mark.parametrize("vendor", ["doosan", "franka"])
+def test_a_controller_that_takes_no_offsets_is_offered_what_it_takes(vendor: str) -> None:
     result = values()
     measured = {**result.inputs.header, "provenance": {}}
     result = replace(result, inputs=replace(result.inputs, vendor=vendor, header=measured))
     words = message(result)
     assert words.action.text.startswith("Enter nothing: how this controller takes offsets is not worked out")
-    assert ("zerobeam export program" in words.action.text) == programs
+    assert ("zerobeam positions reach" in words.action.text) == (vendor in POSITIONS)
     assert "corrected robot model" in words.action.text
     assert " -o corrected.yaml" in (words.action.command or "")
     advice = next_steps(result, words)

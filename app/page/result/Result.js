@@ -17,7 +17,7 @@ import { Measurements } from "./Measurements.js";
 import { Enter, Offsets, Steps } from "./Offsets.js";
 import { Pairs } from "./Pairs.js";
 import { Picture } from "./Picture.js";
-import { Program } from "./Program.js";
+import { MyPrograms } from "./MyPrograms.js";
 import { bareRun, failure, history, loadHistory, open, show } from "./state.js";
 
 /** @typedef {import("./types.js").Found} Found */
@@ -78,7 +78,7 @@ function Inspector({ found }) {
     <${Offsets} found=${found} />
     <${Fold} title="What to do next"><${Steps} found=${found} /><//>
     ${found.run && html`<${Fold} title="Export to a controller"><${Exports} key=${found.run} run=${found.run} /><//>
-    <${Fold} title="Correct a program"><${Program} key=${found.run} run=${found.run} /><//>`}
+    <${Fold} title="My programs"><${MyPrograms} key=${found.run} run=${found.run} /><//>`}
     ${found.file && html`<${Fold} title="Posterior of the offsets, pair by pair"><${Pairs} key=${found.file} found=${found} /><//>`}
     <${Fold} title="History of this arm, and drift"><${History} serial=${serial} run=${found.run} /><//>
     <${Fold} title="Compare runs or results"><${Compare} serial=${serial} /><//>

@@ -1,16 +1,13 @@
-"""Forms in which offsets and plans are exported and languages that are corrected, as the makers have them."""
+"""Forms in which offsets and plans are exported, as the makers have them."""
 
 from __future__ import annotations
 
 import inspect
 from functools import cache
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
-from ....experiments.makers.maker import makers, plan_programs, program_languages
-from ....experiments.makers.user_programs import poses_to_state
-from ....model.errors import BadInput
-from ....model.files.run import read_run
+from ....experiments.makers.maker import makers, plan_programs
+from ....experiments.positions.position_languages import LANGUAGES
 from ....model.records import it, record
 from ..folder import Folder
 from ..requests import end_point
@@ -50,21 +47,20 @@ def exports(_: Folder) -> list[ExportForm]:
 
 @record(kw_only=True)
 class LanguageForm:
-    """A language: `export program` corrects its programs."""
+    """A language: `positions` reads its files."""
 
     name: str
     vendor: Annotated[str, it("of the robots that it is for, as robot files name it")]
-    about: str
     endings: list[str]
 
 
-@end_point("GET /api/languages", "The languages whose programs are corrected.")
+@end_point("GET /api/languages", "The languages whose taught positions are read.")
 @cache
 def languages(_: Folder) -> list[LanguageForm]:
-    """The languages whose programs are corrected."""
+    """The languages whose taught positions are read."""
     return [
-        LanguageForm(name=files.name, vendor=vendor, about=files.about, endings=list(files.endings))
-        for files, vendor in program_languages()
+        LanguageForm(name=language.name, vendor=language.vendor, endings=list(language.endings))
+        for language in LANGUAGES
     ]
 
 
@@ -101,36 +97,3 @@ def plan_forms(_: Folder) -> list[PlanForm]:
         for program, vendor in plan_programs()
     ]
     return [sheet, *programs]
-
-
-_LARGEST = 2 * 10**6  # bytes of a program that is read while somebody waits
-
-
-@record(kw_only=True)
-class PoseToState:
-    """A tool or frame of a program whose pose a person must state: `export program --tool NAME=POSE`."""
-
-    what: Literal["tool", "frame"]
-    name: Annotated[str, it("as the program has it; empty: the one that it leaves open")]
-    form: Annotated[str, it("what its numbers are, with their units")]
-
-
-@end_point("GET /api/program", "Tools and frames of a program whose poses must be stated to correct it.")
-def poses(folder: Folder, file: str, run: str) -> list[PoseToState]:
-    """What must be stated to correct a program of the run's robot."""
-    path, robot = folder.file(file), read_run(folder.file(run)).robot
-    if path.stat().st_size > _LARGEST:
-        remedy = "use zerobeam export program, which names what must be stated"
-        raise BadInput("the program is too long to be looked at here", remedy=remedy, file=Path(file))
-    return [
-        PoseToState(
-            what="tool" if pose.option == "--tool" else "frame", name=pose.name, form=_with_units(pose.form)
-        )
-        for pose in poses_to_state(robot, path)
-    ]
-
-
-def _with_units(form: str) -> str:
-    values, _, units = form.partition(" in ")
-    named = f" ({units})" if units else " (mm)" if "Q1" in values else " (mm, deg)"
-    return values.replace(",", ", ") + named

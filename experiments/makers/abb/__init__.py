@@ -12,7 +12,6 @@ from ..maker import (
     OffsetFile,
     PlanProgram,
     PointNames,
-    ProgramFiles,
     Reader,
 )
 
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from ..format_options import ProgramMotion
     from ..generic.layouts import CsvLayout
     from ..import_jobs import Imported, ImportJob, TaughtPoint
-    from ..program_parts import Language
 
 
 def _moc(
@@ -92,12 +90,6 @@ def _egm(joints: int) -> "CsvLayout":
     )
 
 
-def _rapid() -> "Language":
-    from .rapid_targets import RAPID
-
-    return RAPID
-
-
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
     from .rapid_points import rapid_positions
 
@@ -128,6 +120,5 @@ MAKER = Maker(
         ),
     ),
     logs=(KnownLog("egm", "ABB EGM log of abb_libegm", _egm, ("TIMESTAMP", "R_FB_POS_RJ1")),),
-    correct=(ProgramFiles("RAPID", ".mod (RAPID)", (".mod", ".prg", ".sys"), _rapid),),
     live="abb",
 )

@@ -21,10 +21,10 @@ from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import line_numbers, shown
+from ...positions.arm_change import up_to_flange
 from ..import_jobs import Imported, ImportJob, TaughtPoint, import_points
 from ..joint_text import PLAN_LINE, required_plan
 from ..maker import blanked
-from ..solving import up_to_flange
 
 _UNUSED = 9e9
 

@@ -1,7 +1,7 @@
 """Denso: PacScript programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, ProgramFiles, Reader
+from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -36,5 +36,4 @@ MAKER = Maker(
             program_log=True,
         ),
     ),
-    correct=(ProgramFiles("PacScript", ".pcs (Denso)", (".pcs",), _FORMAT.language),),
 )

@@ -65,15 +65,7 @@ _LINES = LineLanguage(
     name="PacScript",
     grammar="denso/pacscript",
     remark=_REMARK,
-    head=r"^[ \t]*Sub\b[^\n]*\n",
-    comment="  ' ",
-    axes="xyz",
-    form="X,Y,Z,RX,RY,RZ",
     joint_decimals=4,
-    pose_decimals=(4,) * 6,
-    flange_tools=frozenset({"0"}),
-    base_frames=frozenset({"0"}),
-    shared=re.compile(r"[JPT](?:\d+|\[\d+\])", re.IGNORECASE),
     positions=_positions,
 )
 PACSCRIPT = replace(_LINES, read=_read)

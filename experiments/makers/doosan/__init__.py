@@ -1,7 +1,7 @@
 """Doosan: DRL programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, ProgramFiles, Reader
+from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -31,5 +31,4 @@ MAKER = Maker(
             program_log=True,
         ),
     ),
-    correct=(ProgramFiles("DRL", ".drl (Doosan)", (".drl",), _FORMAT.language),),
 )

@@ -10,57 +10,26 @@ tp_log writes up to 256 bytes to the pendant's log.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import numpy as np
-
-from ....model.arrays import Matrix
 from ....model.files.plan import Plan
-from ....model.kinematics.branches import Branches
-from ....model.kinematics.robot import Robot
 from ..format_options import ProgramMotion
 from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import LOG, decimal, head_lines, listed, made_for, steps_of
 
 _ACCELERATION = 20.0  # deg/s2
-_RIGHTY = 4
 _CONFIRM = [
     "confirm: this controller has wait_manual_guide, which waits while a person guides the arm.",
     "confirm: after the run the pendant's log is saved; its lines zerobeam posture are what is imported.",
 ]
 
 
-def _matching(robot: Robot, words: str) -> Callable[[Matrix], bool] | None:
-    """Which joints have `sol=N`; None of a righty arm, for which it is not known what counts as above.
-
-    Lefty is where the wrist is at joints 0, 0, 90, 0, 90, 0: in front of axis 1.
-    """
-    solution, branches = int(words[-1]), Branches(robot, 1)
-    if solution >= _RIGHTY:
-        return None
-
-    def has_it(joints: Matrix) -> bool:
-        above, flip = np.sin(np.radians(joints[[2, 4]])) * (1, -1) > 0  # in whatever turn they are
-        return branches.ahead(joints) > 0 and 2 * above + flip == solution
-
-    return has_it
-
-
 DRL = LineLanguage(
     name="DRL",
     grammar="doosan/drl",
     remark=r"#[^\n]*",
-    head=r"\A",
-    comment="# ",
-    axes="ZYZ",
-    form="X,Y,Z,A,B,C",
     joint_decimals=4,
-    pose_decimals=(4,) * 6,
-    base_frames=frozenset({"", "DR_BASE", "0"}),
     case_sensitive=True,
     indented=True,
-    matching=_matching,
 )
 
 

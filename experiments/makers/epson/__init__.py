@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, OffsetFile, PlanProgram, ProgramFiles, Reader, require_vendor
+from ..maker import Maker, OffsetFile, PlanProgram, Reader, require_vendor
 
 if TYPE_CHECKING:
     from ....model.files.run import Run
@@ -64,14 +64,4 @@ MAKER = Maker(
     offsets=(OffsetFile("epson", _sheet),),
     program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _FORMAT.program, ("speed",)),),
     read=(Reader("spel", _read_log, "Logs of a plan's program (zb_plan.log).", program_log=True),),
-    correct=(
-        ProgramFiles(
-            "SPEL+",
-            ".prg (Epson, with the .pts of the folder)",
-            (".prg",),
-            _FORMAT.language,
-            paired=(".prg", ".pts"),
-            folder=(".pts",),
-        ),
-    ),
 )

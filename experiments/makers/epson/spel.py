@@ -22,10 +22,6 @@ SPEL = with_points(
         name="SPEL+",
         grammar="epson/spel",
         remark=r"'[^\n]*",
-        head=r"^[ \t]*Function\b[^\n]*\n",
-        comment="  ' ",
-        axes="ZYX",
-        form="X,Y,Z,U,V,W",
         joint_decimals=4,
     )
 )

@@ -16,10 +16,8 @@ from dataclasses import replace
 
 from lark import Token, Tree
 
-from ....model.arrays import Matrix
-from ..line_language import LineLanguage, Statement, tokens
+from ..line_language import NUMBER, LineLanguage, Statement, tokens
 from ..maker import blanked
-from ..program_parts import NUMBER
 
 _POINT = re.compile(r"^[ \t]*Point\d+[ \t]*\{([^{}]*)\}", re.MULTILINE)
 _FIELD = re.compile(r"^[ \t]*([a-z]\w*)=([^\r\n]*?)[ \t]*\r?$", re.MULTILINE)
@@ -34,7 +32,6 @@ _WORDS = {"nHand": ("/R", "/L"), "nElbow": ("/A", "/B"), "nWrist": ("/NF", "/F")
 _ZERO = ("rR", "rS", "rT", "nJ1Flag", "nJ2Flag", "nJ4Flag", "nJ6Flag", "rJ1Angle", "rJ4Angle")
 _OTHERS = ("nNumber", "sLabel", "sDescription", "nUndefined", "nLocal", "bSimVisible")
 _LIST = re.compile(r"\(\s*([^()\n]*?(?:,[^()\n]*?){5,})\s*\)")
-_HALF_TURN = [3, 5]
 _WHOLE = re.compile(r"0|[1-9][0-9]{0,5}")  # a number, written in one way
 
 Fields = dict[str, tuple[str, int]]  # values by name, and where they begin
@@ -136,10 +133,6 @@ def _in_order(tree: Tree[Token]) -> bool:
     return not words or all(word in names for word, names in zip(words, _WORDS.values(), strict=True))
 
 
-def _within_half_a_turn(joints: Matrix) -> bool:
-    return bool((abs(joints[_HALF_TURN]) <= 180).all())
-
-
 def with_points(program: LineLanguage) -> LineLanguage:
     """The language of a program and its points."""
     program = replace(program, derives=_in_order)
@@ -147,9 +140,4 @@ def with_points(program: LineLanguage) -> LineLanguage:
         program,
         read=lambda text: _statements(program, text),
         positions=lambda text: _positions(program, text),
-        flange_tools=frozenset({"0"}),
-        base_frames=frozenset({"", "0"}),
-        turns=_within_half_a_turn,
-        pose_decimals=(4,) * 6,
-        marked={".pts": re.compile(r'(?<=sDescription=")[^"\n]*')},
     )

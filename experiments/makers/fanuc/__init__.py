@@ -12,7 +12,6 @@ from ..maker import (
     OffsetFile,
     PlanProgram,
     PointNames,
-    ProgramFiles,
     Reader,
 )
 
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from ..calibration import RobotCalibration
     from ..format_options import ProgramMotion
     from ..import_jobs import Imported, ImportJob, TaughtPoint
-    from ..program_parts import Language
 
 
 def _sheet(
@@ -88,12 +86,6 @@ def _read_points(
     return import_fanuc(job, j3=j3, points=points, register=register)
 
 
-def _tp() -> "Language":
-    from .tp_targets import TP
-
-    return TP
-
-
 def _positions(text: str, path: Path) -> "Sequence[TaughtPoint]":
     from .tp_points import fanuc_positions
 
@@ -133,6 +125,5 @@ MAKER = Maker(
             ),
         ),
     ),
-    correct=(ProgramFiles("TP", ".ls (FANUC)", (".ls",), _tp),),
     live="fanuc://HOST",
 )

@@ -1,7 +1,7 @@
 """Kawasaki: AS programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, ProgramFiles, Reader
+from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -35,5 +35,4 @@ MAKER = Maker(
             ),
         ),
     ),
-    correct=(ProgramFiles("AS", ".as or .pg (Kawasaki)", (".as", ".pg"), _FORMAT.language),),
 )

@@ -24,12 +24,7 @@ _LINES = LineLanguage(
     name="AS",
     grammar="kawasaki/as",
     remark=r";[^\n]*",
-    head=r"^[ \t]*\.PROGRAM[^\n]*\n",
-    comment="  ; ",
-    axes="ZYZ",
-    form="X,Y,Z,O,A,T",
     joint_decimals=4,
-    pose_decimals=(4,) * 6,
     literal=re.compile(f"{SIX_WITH_BLANKS.pattern}|" + r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
 )
 

@@ -10,7 +10,6 @@ from ..maker import (
     OffsetFile,
     PlanProgram,
     PointNames,
-    ProgramFiles,
     Reader,
     require_vendor,
 )
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from ..calibration import RobotCalibration
     from ..format_options import ProgramMotion
     from ..import_jobs import Imported, ImportJob, TaughtPoint
-    from ..program_parts import Language
 
 _ABOUT = [
     "Mastering sheet for KUKA (KRC). Master in ascending order, A1 before A2 and so on: the motor of A4",
@@ -67,12 +65,6 @@ def _read_krl(job: "ImportJob", points: PointNames = None) -> "Imported":
     return import_kuka(job, points=points)
 
 
-def _krl() -> "Language":
-    from .krl_targets import KRL
-
-    return KRL
-
-
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
     from .krl_points import kuka_positions
 
@@ -97,11 +89,6 @@ MAKER = Maker(
     read=(
         Reader("krl", _read_krl, "Data lists (.dat).", marks=(_MARK,)),
         Reader("kuka", _read_krl, "Data lists (.dat).", hidden=True),
-    ),
-    correct=(
-        ProgramFiles(
-            "KRL", ".src or .dat (KRL, both together)", (".src", ".dat"), _krl, paired=(".src", ".dat")
-        ),
     ),
     live="kuka://HOST",
 )

@@ -1,7 +1,7 @@
 """Mitsubishi: MELFA-BASIC V and VI programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, ProgramFiles, Reader
+from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -36,5 +36,4 @@ MAKER = Maker(
             ),
         ),
     ),
-    correct=(ProgramFiles("MELFA-BASIC", ".prg or .mb5 (Mitsubishi)", (".prg", ".mb5"), _FORMAT.language),),
 )

@@ -1,7 +1,7 @@
 """Nachi: SLIM programs of joint positions."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, ProgramFiles, Reader
+from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -29,5 +29,4 @@ MAKER = Maker(
             marks=(_FORMAT.mark(r"\bM1J\b", "its joint positions (M1J), as of a SLIM program"),),
         ),
     ),
-    correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _FORMAT.language),),
 )

@@ -24,12 +24,7 @@ SLIM = LineLanguage(
     name="SLIM",
     grammar="nachi/slim",
     remark=r"'[^\n]*",
-    head=r"\A",
-    comment="'",
-    axes="ZYX",  # of tools and frames; no position of a program is a pose
-    form="X,Y,Z,r,p,y",
     joint_decimals=3,
-    remark_width=31,
     literal=re.compile(r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
 )
 _WIDTH = 31  # letters of a remark

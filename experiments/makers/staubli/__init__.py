@@ -1,7 +1,7 @@
 """Stäubli: VAL3 applications."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, ProgramFiles, Reader
+from ..maker import Maker, PlanProgram, Reader
 
 _FILES = (".pgx", ".dtx", ".pjx")
 
@@ -40,16 +40,6 @@ MAKER = Maker(
             marks=(
                 _FORMAT.mark(r"type=[\"']jointRx\b", "its joint variables (jointRx), as of a VAL3 data file"),
             ),
-        ),
-    ),
-    correct=(
-        ProgramFiles(
-            "VAL3",
-            ".pgx or .dtx (Stäubli, all of the folder)",
-            _FILES,
-            _FORMAT.language,
-            paired=_FILES,
-            folder=_FILES,
         ),
     ),
 )

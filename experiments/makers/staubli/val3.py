@@ -14,12 +14,9 @@ from collections.abc import Iterator, Sequence
 
 from lark import Token, Tree
 
-from ....model.arrays import Matrix
 from ....model.errors import BadInput
-from ....model.kinematics.branches import Branch
-from ..line_language import LineLanguage, Statement, capitals
+from ..line_language import NUMBER, LineLanguage, Statement, capitals, understood
 from ..maker import blanked
-from ..program_parts import NUMBER, understood
 from .val3_files import XmlElement, code_of, documents
 
 _REMARK = r"//[^\n]*"
@@ -29,12 +26,6 @@ _WORDS = ("shoulder", "elbow", "wrist")
 _OPEN = re.compile(r"[sew](?:same|free)")  # of a configuration that the arm has, or chooses
 _KINDS = {"jointRx": _JOINTS, "pointRx": _POSE, "tool": _POSE, "frame": _POSE}
 _ROOTS = {"flange": "tool", "world": "frame"}
-
-
-def _words(branch: Branch, joints: Matrix) -> str:
-    """The configuration of joints (6,), degrees."""
-    elbow, wrist = ("negative" if joints[i] < 0 else "positive" for i in (2, 4))
-    return f"{'righty' if branch.behind else 'lefty'} e{elbow} w{wrist}"
 
 
 def _key(name: str) -> str:
@@ -227,22 +218,6 @@ def _literals(text: str) -> list[tuple[int, int]]:
     return spans
 
 
-_DATAS = re.compile(r"<Datas>[ \t]*\r?\n?")
-_LASTING = "zb_corrected"
-
-
-def _with_mark(text: str, mark: str) -> str:
-    """A data file with the mark as a string variable, which stays when an editor saves the application
-    without its comments; as it is where its variables are of an older form."""
-    datas = _DATAS.search(text)
-    if datas is None or 'xsi:type="array"' not in text or f'"{_LASTING}"' in text:
-        return text
-    value = f'<Value key="0" value="{mark}" />'
-    data = f'<Data name="{_LASTING}" access="private" xsi:type="array" type="string" size="1">{value}</Data>'
-    newline = "\r\n" if "\r\n" in text else "\n"
-    return f"{text[: datas.end()]}    {data}{newline}{text[datas.end() :]}"
-
-
 def _blank(match: re.Match[str]) -> str:
     return " " * len(match[0])
 
@@ -251,28 +226,8 @@ VAL3 = LineLanguage(
     name="VAL3",
     grammar="staubli/val3",
     remark=_REMARK,
-    head=r"<(?:Datas|Programs|Project)\b[^>]*>[ \t]*\r?\n?",
-    comment="<!-- ",
-    comment_end=" -->",
-    axes="XYZ",
-    form="X,Y,Z,RX,RY,RZ",
     joint_decimals=4,
     saved_decimals=3,
-    pose_decimals=(4,) * 6,
-    flange_tools=frozenset({"flange"}),
-    base_frames=frozenset({"world"}),
     read=_statements,
     positions=_literals,
-    words=_words,
-    words_mean=(
-        "Here lefty is: the centre of the wrist is in front of axis 1, on the side to which joint 2 leads as"
-        " it increases; righty is behind. epositive and wpositive are joints 3 and 5 from 0 on. Compare with"
-        " the pendant, which shows shoulder, elbow and wrist of a point (from the VAL3 reference manual and"
-        " post processors; tried on no controller)"
-    ),
-    computed={
-        r"\b(?:appro|compose)\s*\(": "this computes a target from a point, and the correction of the point is"
-        " not that of the computed target; write it as a point of its own, with its configuration"
-    },
-    with_data={".dtx": _with_mark},
 )

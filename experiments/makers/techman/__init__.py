@@ -1,7 +1,7 @@
 """Techman: TMscript programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, ProgramFiles, Reader
+from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -36,5 +36,4 @@ MAKER = Maker(
             ),
         ),
     ),
-    correct=(ProgramFiles("TMscript", ".tms (Techman)", (".tms",), _FORMAT.language),),
 )

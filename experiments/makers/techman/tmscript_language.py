@@ -12,10 +12,9 @@ import re
 
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import LineLanguage
+from ..line_language import NUMBER, LineLanguage
 from ..maker import one_line
 from ..plan_programs import head_lines, listed, made_for, percents, steps_of
-from ..program_parts import NUMBER
 
 _TO_SPEED_MS = 500
 _CONFIRM = [
@@ -28,16 +27,9 @@ TMSCRIPT = LineLanguage(
     name="TMscript",
     grammar="techman/tmscript",
     remark=r"//[^\n]*|/\*[\s\S]*?\*/",
-    head=r"\A",
-    comment="// ",
-    axes="xyz",
-    form="X,Y,Z,RX,RY,RZ",
     joint_decimals=4,
-    pose_decimals=(4,) * 6,
     # The numbers of speed and blending follow the six of a position without anything between.
     literal=re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:\s*,\s*{NUMBER}){{5}}(?![\w.])"),
-    flange_tools=frozenset({"NOTOOL"}),
-    base_frames=frozenset({"RobotBase"}),
     case_sensitive=True,
     opens=re.compile(r"\b(?:if|else|for|while|do|switch)\b"),
 )

@@ -12,7 +12,6 @@ from ..maker import (
     MarkerColumn,
     OffsetFile,
     PlanProgram,
-    ProgramFiles,
     Reader,
     StillDeg,
     StillSeconds,
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from ..format_options import ProgramMotion
     from ..generic.layouts import CsvLayout
     from ..import_jobs import Imported, ImportJob
-    from ..program_parts import Language
 
 _ABOUT = [
     "Joint zero procedure for Universal Robots, by the joint calibration of your series' service",
@@ -112,18 +110,6 @@ def _read(
     )
 
 
-def _require_arm(run: "Run") -> None:
-    from .kinematics import require_factory_arm
-
-    require_factory_arm(run)
-
-
-def _urscript() -> "Language":
-    from .urscript_targets import URSCRIPT
-
-    return URSCRIPT
-
-
 MAKER = Maker(
     "Universal Robots",
     "universal-robots",
@@ -150,10 +136,5 @@ MAKER = Maker(
         ),
     ),
     logs=(KnownLog("ur", "RTDE recording", _rtde, ("timestamp", "actual_q_0")),),
-    correct=(
-        ProgramFiles(
-            "URScript", ".script (URScript)", (".script", ".urscript"), _urscript, require_arm=_require_arm
-        ),
-    ),
     live="ur://HOST",
 )

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, OffsetFile, PlanProgram, ProgramFiles, Reader, require_vendor
+from ..maker import Maker, OffsetFile, PlanProgram, Reader, require_vendor
 
 if TYPE_CHECKING:
     from ....model.files.run import Run
@@ -68,6 +68,5 @@ MAKER = Maker(
             marks=(_FORMAT.mark(r"^/JOB\b", "its line /JOB, as of an INFORM job"),),
         ),
     ),
-    correct=(ProgramFiles("INFORM", ".jbi (Yaskawa)", (".jbi",), _FORMAT.language),),
     live="yaskawa://HOST",
 )

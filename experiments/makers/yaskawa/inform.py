@@ -17,41 +17,23 @@ from textwrap import wrap
 
 import numpy as np
 
-from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.pendant import Pendant
 from ..format_options import ProgramMotion
 from ..import_jobs import TaughtPoint
-from ..line_language import LineLanguage
+from ..line_language import NUMBER, LineLanguage
 from ..maker import one_line
 from ..plan_programs import head_lines, made_for, percents, steps_of
-from ..program_parts import NUMBER
 from ..taught_positions import named_by_remarks
-
-_HALF_TURN = [0, 3, 5]  # S, R, T
-
-
-def _within_half_a_turn(joints: Matrix) -> bool:
-    return bool(((joints[_HALF_TURN] > -180) & (joints[_HALF_TURN] <= 180)).all())
-
 
 INFORM = LineLanguage(
     name="INFORM",
     grammar="yaskawa/inform",
     remark=r"'[^\n]*|//(?:NAME|/(?:COMM|DATE|ATTR))\b[^\n]*",
-    head=r"^NOP[ \t]*\r?\n",
-    comment="'",
-    axes="xyz",
-    form="X,Y,Z,Rx,Ry,Rz",
     unit="pulse",
     joint_decimals=0,
-    pose_decimals=(3, 3, 3, 4, 4, 4),
     literal=re.compile(rf"(?<==){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}"),
-    framed=True,
-    shared=re.compile(r"P\d+", re.IGNORECASE),
-    turns=_within_half_a_turn,
-    remark_width=31,
 )
 _NAME = re.compile(r"[A-Za-z][\w-]{0,7}", re.ASCII)
 _USAGE = (

@@ -15,8 +15,9 @@ from recorded_logs import HEADER, POSTURES
 
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.maker import Maker, makers
+from zerobeam.experiments.positions.position_languages import LANGUAGES
 from zerobeam.model.files.run import read_run
-from zerobeam.words.controllers import export_command, taken_by
+from zerobeam.words.controllers import POSITIONS, export_command, taken_by
 
 ROOT = Path(__file__).resolve().parents[3]
 GOOD = demo_runs()[0].path
@@ -110,13 +111,12 @@ def row(maker: Maker) -> str:
 
     readers = [reader.name for reader in maker.read if not reader.hidden]
     logs = [f"log {log.name}" for log in maker.logs]
-    endings = [ending for files in maker.correct for ending in files.endings]
     cells = [
         maker.name,
         listed("export", [kind.name for kind in maker.offsets]),
         listed("export plan", [program.name for program in maker.program]),
         listed("import", [*readers, *logs]),
-        listed("export program", endings),
+        listed("positions", [POSITIONS[maker.vendor]] if maker.vendor in POSITIONS else []),
         "–" if maker.live is None else f"`run --rig {maker.live}`",
         maker.tried,
     ]
@@ -130,7 +130,10 @@ def test_the_table_of_makers_in_the_docs_is_what_there_is() -> None:
 
 def test_what_reports_offer_is_what_the_makers_have() -> None:
     vendors = [maker for maker in makers() if maker.vendor is not None]
-    assert {maker.takes for maker in vendors} == {"offsets", "programs", "model"}
+    assert {"offsets", "model"} <= {maker.takes for maker in vendors}
+    assert {language.vendor for language in LANGUAGES} == set(POSITIONS)
+    for language in LANGUAGES:
+        assert {*POSITIONS[language.vendor].split(", ")} <= {*language.endings}
     for maker in vendors:
         assert taken_by(maker.vendor) == maker.takes, f"words/controllers.py: {maker.name}"
         command, _ = export_command(maker.vendor)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from import_files import import_rapid
+from made_backups import DIALECTS
 from recorded_logs import POSTURES
-from scipy.spatial.transform import Rotation
-from user_programs import TABLE, TOOL, UserProgram, flange_arm, varied
 
 from zerobeam.experiments.makers.abb.rapid_points import rapid_positions
-from zerobeam.model.files.robot_file import load_robot
 
 EXTERNAL = "[9E+09,9E9,9E9,9E9,9E9,9E9]"
 
@@ -63,36 +62,39 @@ def test_targets_that_cannot_be_read(tmp_path, header, refused, value):
     assert error.line == 2
 
 
-def robtargets(rows, tool, frame, conf=None) -> str:
-    """A module whose robtargets are where the arm has the tool at the joints (rows, degrees)."""
-    arm = flange_arm(load_robot("irb1600"))
-    lines = []
-    for i, row in enumerate(rows):
-        pose = np.linalg.inv(frame) @ arm.fk(row, "deg") @ tool
-        x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
-        place = ",".join(f"{value:.3f}" for value in pose[:3, 3])
-        turn = ",".join(f"{value:.7f}" for value in (w, x, y, z))
-        own = conf or UserProgram("rapid", arm, np.array([row])).confdata(row)
-        lines.append(f"  CONST robtarget p{i}:=[[{place}],[{turn}],[{','.join(map(str, own))}],{EXTERNAL}];")
-    return "\n".join(["MODULE a", *lines, "ENDMODULE"])
-
-
 @pytest.mark.long
 def test_robtargets_of_a_stated_tool_have_the_joints_of_their_configuration(tmp_path, header, refused):
-    rows = varied(load_robot("irb1600"), 6, seed=8)
+    header.write_text(header.read_text().replace("irb1600", "irb120"))
+    made = (DIALECTS["RAPID"].made(seed, 2) for seed in range(500))
+    backup = next(
+        one
+        for one in made
+        if len({(each.tool, each.frame) for each in one.positions}) == 1
+        and not any(each.in_joints for each in one.positions)
+        and one.positions[0].tool != "tool0"
+        and one.positions[0].frame != "wobj0"
+        and "CONST robtarget P2" in one.texts["TASK1/Work.mod"]
+    )
+    (text,) = backup.texts.values()
     file = tmp_path / "points.mod"
-    file.write_text(robtargets(rows, TOOL, TABLE))
-    tool = "10,-5,120," + ",".join(map(str, np.roll(Rotation.from_matrix(TOOL[:3, :3]).as_quat(), 1)))
-    frame = "300,-100,50," + ",".join(map(str, np.roll(Rotation.from_matrix(TABLE[:3, :3]).as_quat(), 1)))
+    file.write_bytes(re.sub(r"(?s)  PROC.*ENDPROC", "", text).encode())
+    poses = re.findall(r"(?:TRUE|\"\"),\[(\[.*?\]),(\[.*?\])\]", text)
+    names = re.findall(r"PERS \w+ (\w+):", text)
+    stated = {
+        name: ",".join(pose).replace("[", "").replace("]", "")
+        for name, pose in zip(names, poses, strict=False)
+    }
+    frames = {"tool": stated[backup.positions[0].tool], "frame": stated.get(backup.positions[0].frame)}
 
-    def run(**stated):
-        return import_rapid([file], ["a"], header, tmp_path / "run.jsonl", **stated)
+    def run(**how):
+        return import_rapid([file], ["a"], header, tmp_path / "run.jsonl", **how)
 
-    found = run(tool=tool, frame=frame)
-    np.testing.assert_allclose([shot.joints_deg for shot in found.shots], rows, atol=2e-3)
+    found = run(**frames)
+    declared = [one.joints for one in backup.positions if one.name in file.read_text()]
+    np.testing.assert_allclose([shot.joints_deg for shot in found.shots], declared, atol=2e-3)
     assert any("by inverse kinematics of the nominal arm" in line for line in found.understood)
-    assert refused(run).what == "point p0 has no joint values"
-    assert "need their tool" in refused(run, frame=frame).what
+    assert "has no joint values" in refused(run).what
+    assert "need their tool" in refused(run, frame=frames["tool"]).what
     assert "--tool is not understood" in refused(run, tool="1,2").what
-    file.write_text(robtargets(rows[:1], TOOL, TABLE, conf=(3, 3, 3, 7)))
-    assert refused(run, tool=tool, frame=frame).what == "p0 does not say what the joints are"
+    file.write_text(re.sub(r"\[-?\d,-?\d,-?\d,\d\]", "[3,3,3,7]", file.read_text()))
+    assert "does not say what the joints are" in refused(run, **frames).what

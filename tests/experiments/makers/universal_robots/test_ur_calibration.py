@@ -8,7 +8,6 @@ import pytest
 from command_line import zerobeam
 
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.experiments.makers.maker import program_languages, takes_any_arm
 from zerobeam.experiments.makers.universal_robots.kinematics import (
     DELTAS,
     LINKS,
@@ -149,8 +148,3 @@ def test_what_the_factory_has_corrected_is_not_corrected_twice(tmp_path: Path) -
     assert refused.value.found == "robot: ur3e"
     assert "import ur-calibration" in (refused.value.remedy or "")
     require_factory_arm(read_run(measured(tmp_path, "mine.yaml")))
-
-
-def test_a_program_too_is_refused_for_the_nominal_arm() -> None:
-    ((files, _),) = [each for each in program_languages() if each[0].name == "URScript"]
-    assert files.require_arm is not takes_any_arm

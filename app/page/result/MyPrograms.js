@@ -1,0 +1,65 @@
+// Taught programs: zeros were entered at the controller, and positions are rewritten to keep their places.
+import { html } from "htm/preact";
+import { signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { get, upload } from "../core/api.js";
+import { route } from "../core/route.js";
+import { attempt, files, freeName, inside, refresh } from "../core/store.js";
+import { sentence } from "../core/words.js";
+import { Choice } from "../parts/Choice.js";
+import { Fold } from "../parts/Fold.js";
+import { Joint3 } from "../parts/Joint3.js";
+import { TextField } from "../parts/TextField.js";
+import { useWritten, Written } from "../parts/Written.js";
+
+/** Endings of the languages whose positions are read. */
+const endings = signal(/** @type {string[]} */ ([]));
+/** What is typed for options that may be stated several times, one a line. */
+const options = signal({ tool: "", frame: "", base: "", near: "", accept: "", j3: "" });
+
+/** @typedef {{file: string, line: number, sentence: string, accepted?: boolean}} Line */
+/** What a conversion says where nothing is written. @param {{answer: {refused: Line[], listed: Line[], to_state: string[]}}} props */
+function Open({ answer }) {
+  const open = answer.listed.filter((line) => !line.accepted);
+  const rows = (/** @type {Line[]} */ lines) => html`<ul class="lines">${lines.map((line) => html`<li>${`${line.file}:${line.line}: ${sentence(line.sentence)}`}</li>`)}</ul>`;
+  return html`
+    ${answer.refused.length > 0 && html`<p>Refused, so nothing is written:</p>${rows(answer.refused)}`}
+    ${answer.to_state.length > 0 && html`<p>To be stated:</p><ul class="lines">${answer.to_state.map((option) => html`<li>${option}</li>`)}</ul>`}
+    ${open.length > 0 && html`<p>Look at these lines, which stay as they are, and accept them:</p>${rows(open)}`}`;
+}
+
+/** @param {{run: string}} props */
+export function MyPrograms({ run }) {
+  const program = useSignal(""), out = useSignal("");
+  const { made, onSubmit } = useWritten();
+  useEffect(() => { attempt(async () => { if (!endings.value.length) endings.value = (await get("/api/languages")).flatMap((/** @type {{endings: string[]}} */ language) => language.endings); }); }, []);
+  const proposed = program.value && freeName(program.value.replace(/\.\w+$/, "-converted"));
+  const send = (/** @type {FileList | null} */ list) => attempt(async () => {
+    for (const file of list ?? []) program.value = (await upload(freeName(`${inside(route.value.name)}${file.name}`), file)).file;
+    await refresh();
+  });
+  const set = (/** @type {Partial<typeof options.value>} */ more) => { options.value = { ...options.value, ...more }; };
+  const ask = () => {
+    const to = out.value.trim() || proposed;
+    const words = Object.entries(options.value).flatMap(([name, text]) => text.split("\n").map((one) => one.trim()).filter(Boolean).map((one) => `--${name}=${one}`));
+    return { words: ["positions", "keep", `--out=${to}`, `--run=${run}`, ...words, program.value], files: [`${to}/positions.html`, `${to}/audit.json`, `${to}/${program.value.replace(/^.*\//, "")}`] };
+  };
+  const text = (/** @type {keyof typeof options.value} */ name, /** @type {string} */ label, /** @type {string} */ example) => html`<${TextField} label=${label} value=${options.value[name]} placeholder=${example} onValue=${(/** @type {string} */ value) => set({ [name]: value })} />`;
+  const answer = made.value?.job.state.value.answer;
+  return html`
+    <form class="program" onSubmit=${onSubmit(ask)}>
+      <p class="muted">The values above were entered at the controller: taught positions then bring the arm to other places. Here they are rewritten to keep their places. Statements and every other byte stay; what cannot be converted is refused, by line.</p>
+      <p class="muted">Convert all programs of the arm, or they will disagree. A whole backup: zerobeam positions keep FOLDER.</p>
+      <${Choice} label="Program of the folder" value=${program.value} none="choose a program" groups=${[["", files.value.filter((one) => endings.value.some((ending) => one.path.toLowerCase().endsWith(ending))).map((one) => [one.path, one.path])]]} onValue=${(/** @type {string} */ value) => { program.value = value; made.value = null; }} />
+      <label><span class="label">or send files (${[...new Set(endings.value)].join(", ")}; of KRL .src, .dat and $config.dat, of FANUC SYSFRAME.VA too)</span><input type="file" multiple accept=${endings.value.join(",")} onChange=${(/** @type {any} */ event) => send(event.target.files)} /></label>
+      ${text("accept", "Lines that you have looked at, FILE:LINE", "JOB.LS:12")}
+      <${Fold} title="What the program leaves open" kept><div class="fields">
+        ${text("tool", "Tool, [NAME=]pose", "0,0,100,0,0,0")}${text("frame", "Frame, [NAME=]pose", "500,0,0,0,0,0")}${text("base", "Base of the arm in the world", "0,0,300,0,0,0")}
+        ${text("near", "Joints near poses without a configuration", "0,-30,30,0,60,0")}
+        <${Joint3} value=${options.value.j3} onValue=${(/** @type {string} */ j3) => set({ j3 })} />
+      </div><//>
+      <${TextField} label="New folder" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
+      ${answer?.converted === false && html`<${Open} answer=${answer} />`}
+      <${Written} made=${made} button="Convert the positions" title="Converted positions" disabled=${!program.value} after="Load the files, and approach the position that the table names slowly first." />
+    </form>`;
+}
