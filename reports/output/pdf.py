@@ -6,13 +6,14 @@ import dataclasses
 import json
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import typst
 
-from ..style.blocks import Page
+from ..style.blocks import Page, Section, on_paper
 from ..style.canvas import Picture
 from ..style.palette import PALETTE
 from ..style.typeface import FAMILY, FOLDER, in_font
@@ -28,7 +29,7 @@ def pdf(page: Page, pictures: Mapping[str, Picture]) -> bytes:
     from the machine that shows it.
     """
     data = {
-        "view": _writable(page),
+        "view": _writable(replace(page, sections=_on_paper(page.sections))),
         "pictures": {
             name: {"title": _writable(picture.title), "alt": _writable(picture.alt)}
             for name, picture in pictures.items()
@@ -53,6 +54,12 @@ def pdf(page: Page, pictures: Mapping[str, Picture]) -> bytes:
             timestamp=0,
         )
     return made
+
+
+def _on_paper(sections: Sequence[Section]) -> list[Section]:
+    """The sections with what paper has of them, if it has any."""
+    papers = [replace(one, lead=on_paper(one.lead), blocks=on_paper(one.blocks)) for one in sections]
+    return [paper for paper, one in zip(papers, sections, strict=True) if paper.all or not one.all]
 
 
 def picture_bytes(picture: Picture, form: Literal["pdf", "png"]) -> bytes:

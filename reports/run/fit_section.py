@@ -20,7 +20,18 @@ from ...words.misfit_words import diagnosis_said
 from ...words.numbers import times, unit_of
 from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
-from ..style.blocks import Cell, Facts, Paragraph, Row, Section, Table, row_of, section_of, table_of
+from ..style.blocks import (
+    Cell,
+    Facts,
+    Paragraph,
+    Row,
+    Section,
+    Table,
+    on_screen,
+    row_of,
+    section_of,
+    table_of,
+)
 from .parameter_section import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
@@ -46,7 +57,7 @@ def fit_section(result: Result) -> Section:
         "Fit quality",
         *map(Paragraph, sentences),
         table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
-        _both_estimates(result) if result.misfit is None else None,
+        on_screen(_both_estimates(result)) if result.misfit is None else None,
         _power(result.power),
         _distances(result),
         _angles(result),

@@ -20,6 +20,7 @@ from ...words.wording import NOT_DETERMINED, joints
 from ..scenes.null_motion_picture import NAME
 from ..style.blocks import Bar, Bars, Block, Cell, FigureBlock, Row, Table, row_of, table_of
 from .outlook_section import outlook_blocks
+from .workspace import NAME as MAP
 
 
 def front(result: Result) -> list[Block]:
@@ -40,6 +41,8 @@ def _blocks(result: Result) -> Iterator[Block]:
         yield from tcp_bars(result, entered)
     planned = RunCase.of_result(result).planned
     yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
+    if result.null_motion is None:
+        yield FigureBlock(MAP)
 
 
 def _to_enter(result: Result, entered: Entered | None) -> tuple[str, Entered | None]:

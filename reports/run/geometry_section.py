@@ -20,7 +20,17 @@ from ...words.geometry_words import (
 )
 from ...words.numbers import unit_of
 from ...words.wording import label, listed, person
-from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import (
+    FigureBlock,
+    Legend,
+    Paragraph,
+    Section,
+    Table,
+    on_screen,
+    row_of,
+    section_of,
+    table_of,
+)
 from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
 from ..style.palette import light
 from .parameter_section import NO_NUMBER, reasons
@@ -49,11 +59,11 @@ def geometry_section(result: Result) -> Section | None:
         geometry_title(rows),
         *(Paragraph(text) for text in sentences if text),
         _offsets(result),
-        _links(rows, result.coverage_factor),
-        prior_only(rows),
+        on_screen(_links(rows, result.coverage_factor)),
+        on_screen(prior_only(rows)),
         Legend([], reasons(held)) if held else None,
-        ladder_table(result),
-        FigureBlock(LADDER),
+        on_screen(ladder_table(result)),
+        FigureBlock(LADDER, screen_only=True),  # the table says the same
     )
 
 

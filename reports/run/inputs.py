@@ -4,10 +4,14 @@ provenance states is filled in."""
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic_core import to_jsonable_python
 
 from ...analysis.answer.result import Inputs, Result
+from ...model.files.header import Header
 from ...model.instruments.registry import kinds_of
 from ...words.provenance import (
     DATE,
@@ -22,7 +26,7 @@ from ...words.provenance import (
     traced,
 )
 from ...words.wording import clipped, listed, shown
-from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
+from ..style.blocks import Facts, Form, Paragraph, Section, section_of
 
 
 def head_facts(result: Result) -> list[tuple[str, str]]:
@@ -61,7 +65,52 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
     sections = [section_of("Inputs", Facts(facts))]
     if provenance:
         sections.append(section_of("Provenance", Facts(provenance), level=2))
-    return [*sections, section_of("Settings of the run", Facts(flat(header)), level=2)]
+    stated, usual = _stated(header)
+    rest = Paragraph(f"By default: {', '.join(f'{name} {value}' for name, value in usual)}.")
+    return [*sections, section_of("Settings of the run", Facts(stated), rest if usual else None, level=2)]
+
+
+def _stated(header: dict[str, Any]) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """The settings of a run that are not the usual ones, and those that are."""
+    usual = _usual(header, (Header,))
+    every = flat(header)
+    return [row for row in every if row[0] not in usual], [row for row in every if row[0] in usual]
+
+
+def _usual(values: Mapping[str, Any], kinds: Iterable[type[BaseModel]], path: str = "") -> set[str]:
+    """The settings, as paths of `flat`, that have the default of a model with these keys."""
+    model = next((one for one in kinds if set(values) <= _keys(one)), None)
+    found = set[str]()
+    for key, value in values.items():
+        at = f"{path}.{key}" if path else key
+        field = None if model is None else model.model_fields.get(key)
+        optional = field is not None and not field.is_required()
+        if field and optional and value == to_jsonable_python(field.get_default(call_default_factory=True)):
+            found |= {name for name, _ in flat(value, at)}
+        elif isinstance(value, dict):
+            models = [] if field is None else list(_models(field.annotation))
+            if field is None or any(set(value) <= _keys(one) for one in models):
+                found |= _usual(value, models, at)
+            else:  # a model a label
+                found |= {
+                    name
+                    for label, one in value.items()
+                    if isinstance(one, dict)
+                    for name in _usual(one, models, f"{at}.{label}")
+                }
+    return found
+
+
+def _keys(model: type[BaseModel]) -> set[str]:
+    return {key for name, field in model.model_fields.items() for key in (name, field.alias or name)}
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)
 
 
 def flat(value: object, path: str = "") -> list[tuple[str, str]]:
@@ -83,14 +132,13 @@ def traceability_section(result: Result) -> Section:
     """A form with a field a row; what nobody has stated is left empty."""
     provenance = by_plain_key(result.inputs.provenance)
     fields = [*MEASURED, *traced(result.inputs.instruments.values())]
-    rows = [row_of(name, provenance_entry(provenance, keys)) for name, keys in fields]
-    rows += [row_of("SHA-256 of the run", result.inputs.sha256)]
-    rows += [row_of(name, "") for name in _SIGNED]
+    entries = [(name, provenance_entry(provenance, keys)) for name, keys in fields]
     about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
     if is_simulated(provenance):
         about += " These measurements were simulated: no instrument took part, and nothing here is traceable."
-    columns = ["field", "entry"]
-    return section_of("Traceability", Paragraph(about), table_of("For a person", columns, rows, "l"))
+        return section_of("Traceability", Paragraph(about))
+    entries.append(("SHA-256 of the run", result.inputs.sha256))
+    return section_of("Traceability", Paragraph(about), Form(entries, _SIGNED))
 
 
 def origin_of(header: Mapping[str, Any]) -> dict[str, str]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from ...analysis.answer.result import Result
 from ...words.message import message, next_steps
-from ...words.wording import label
-from ..style.blocks import Block, Cell, Commands, Paragraph, Section, row_of, section_of, table_of
+from ..style.blocks import Block, Commands, Paragraph, Section, section_of
 
 
 def next_steps_section(result: Result) -> Section | None:
@@ -13,20 +12,9 @@ def next_steps_section(result: Result) -> Section | None:
     advice = next_steps(result, message(result))
     blocks: list[Block] = []
     if advice.enter:
-        columns = ["joint", "to enter", "U", "status", "offset of the arm"]
-        rows = [
-            row_of(
-                label(row.name).partition(" ")[0],
-                row.value,
-                row.expanded_u,
-                "" if row.status is None else Cell(row.status, mark=row.status),
-                row.estimate or "",
-                tone=row.status or "",
-            )
-            for row in advice.enter
-        ]
-        caption = "Values to enter: corrected reading = recorded position + value"
-        blocks.append(table_of(caption, columns, rows, "lrrlr"))
+        blocks.append(
+            Paragraph("To enter is what stands on page one: corrected reading = recorded position + value.")
+        )
     for step in advice.steps[1:]:
         blocks.append(Paragraph(step.text))
         if step.commands:

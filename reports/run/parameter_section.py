@@ -36,6 +36,7 @@ from ..style.blocks import (
     Row,
     Section,
     Table,
+    on_screen,
     row_of,
     section_of,
     table_of,
@@ -72,7 +73,7 @@ def offsets_section(result: Result) -> Section:
         offsets_table(result),
         None if worth is None or result.geometry.tolerance is None else Paragraph(worth),
         Legend(legend((row.status for row in others), result.inputs.header), reasons(others)),
-        FigureBlock("offsets"),
+        FigureBlock("offsets", screen_only=True),
     )
 
 
@@ -349,7 +350,7 @@ def rehearsal_section(result: Result) -> Section | None:
         "The run is simulated, so the true values are known. About 19 of 20 errors should be below U."
         f" {errors_sentence(true, result.parameters, k)}"
     )
-    return section_of("Rehearsal: estimates and true values", about, table)
+    return section_of("Rehearsal: estimates and true values", about, on_screen(table))
 
 
 def errors_sentence(true: Mapping[str, float], rows: Iterable[Estimated], k: float) -> str:

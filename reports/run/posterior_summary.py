@@ -18,7 +18,18 @@ from ...words import numbers
 from ...words.finding_words import posterior_message
 from ...words.numbers import unit_of
 from ...words.wording import counted, ended, label, sentence
-from ..style.blocks import Cell, Facts, FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import (
+    Cell,
+    Facts,
+    FigureBlock,
+    Paragraph,
+    Section,
+    Table,
+    on_screen,
+    row_of,
+    section_of,
+    table_of,
+)
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
@@ -43,7 +54,7 @@ def posterior_section(result: Result) -> Section:
         "Posterior",
         Paragraph(ended(posterior_sentence(result))),
         FigureBlock("posterior"),
-        _table(result),
+        on_screen(_table(result)),
         Facts(facts),
     )
 

@@ -86,8 +86,8 @@ def residuals_section(result: Result) -> Section:
     return section_of(
         "Residuals",
         Paragraph(text),
-        FigureBlock("misses"),
-        FigureBlock("residual_map"),
+        FigureBlock("misses", screen_only=len(shots) <= FEW_SHOTS),  # the table says the same of them
+        FigureBlock("residual_map", screen_only=len(shots) <= FEW_SHOTS),
         table_of(caption, columns, rows, aligned),
     )
 

@@ -125,7 +125,9 @@ def scene_section(result: Result) -> Section | None:
     scene = result.scene
     if scene is None:
         return None
-    return section_of(_TITLES[_places(scene)], Paragraph(_sentences(_positions(scene), scene)), SceneBlock())
+    return section_of(
+        _TITLES[_places(scene)], Paragraph(_sentences(_positions(scene), scene)), SceneBlock(screen_only=True)
+    )
 
 
 def _positions(scene: RunScene) -> list[str]:

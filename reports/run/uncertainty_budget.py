@@ -10,11 +10,22 @@ from ...analysis.diagnostics.budget import Budget, BudgetRow
 from ...model.instruments.kind import Instrument
 from ...words import numbers
 from ...words.wording import label, listed
-from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import (
+    Block,
+    Cell,
+    Legend,
+    Paragraph,
+    Section,
+    Table,
+    on_screen,
+    row_of,
+    section_of,
+    table_of,
+)
 from .parameter_section import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others
-MOST_SOURCES = 12
+MOST_SOURCES = 8
 MOST_COLUMNS = 6
 _NAME = 20
 _SAME = 1.02  # by less no two significant digits differ
@@ -123,7 +134,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     return [
         table_of(f"Contributions to the uncertainty of {of}", columns, shown),
         note,
-        _sensitivities(of, instruments, rows, sorted(kept), heads),
+        on_screen(_sensitivities(of, instruments, rows, sorted(kept), heads)),
     ]
 
 
@@ -233,4 +244,5 @@ def _check(result: Result) -> list[Block | None]:
             " Where it is inconclusive, the ends are so close to δ that"
             f" {result.posterior.draws} draws do not decide."
         )
-    return [Paragraph(about), table_of("Linear intervals against the posterior", columns, rows, "lrrrrl")]
+    table = table_of("Linear intervals against the posterior", columns, rows, "lrrrrl")
+    return [Paragraph(about), on_screen(table)]

@@ -16,7 +16,7 @@ from ...words.enter import enter_sentence, error_words, floor_sentence
 from ...words.finding_words import accuracy_reason, tcp_words
 from ...words.region_words import region_first, region_words
 from ...words.wording import clipped, counted, label, listed, person, sentence
-from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import DASHES, WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 
@@ -39,7 +39,6 @@ def workspace_section(result: Result) -> Section:
         TITLE,
         Paragraph(_summary(result, workspace) if _expected(result) is None else enter_sentence(result) or ""),
         *map(Paragraph, _doubts(result)),
-        FigureBlock(NAME),
         _table(result, workspace, near),
         *map(Paragraph, filter(None, [floor_sentence(result)])),
         _next_table(result),
@@ -200,7 +199,7 @@ def workspace_picture(result: Result) -> Picture | None:
             left += across / inch + _APART
         _legend(figure, edges, whole, next_postures=bool(_proposed(result)))
         svg = to_svg(figure, NAME)
-    return Picture(NAME, _title(result, maps), _alt(result), svg)
+    return Picture(NAME, _title(result), _alt(result), svg)
 
 
 def _proposed(result: Result) -> Sequence[NextPosture]:
@@ -381,15 +380,13 @@ def _legend(figure: Figure, edges: list[float], whole: float, *, next_postures: 
     )
 
 
-def _title(result: Result, maps: Sequence[Map]) -> str:
-    planes = " and ".join(_SEEN_FROM[plane.plane] for plane in maps)
+def _title(result: Result) -> str:
     text = (
-        f"Error of the TCP that 95 % of postures and posterior stay below with the values entered,"
-        f" {region_words(result.region)}, {planes}. Rings: measurements"
+        f"TCP error that 95 % stay below, values entered, {region_words(result.region)}. Rings: measurements"
     )
     if not _proposed(result):
         return f"{text}."
-    return f"{text}; diamonds: where one more measurement helps the TCP most, in this order."
+    return f"{text}; diamonds: where one more helps most, in this order."
 
 
 def _alt(result: Result) -> str:

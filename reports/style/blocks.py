@@ -44,11 +44,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with a caption and a head."""
+    """A table with a caption and a head; `screen_only`: paper has it not."""
 
     caption: str
     columns: Sequence[Column]
     rows: Sequence[Row]
+    screen_only: bool = False
     kind: ClassVar[str] = "table"
 
     @property
@@ -121,15 +122,19 @@ class Legend:
 
 @dataclass(frozen=True)
 class FigureBlock:
-    """The picture of this name; nothing is shown where there is no such picture."""
+    """The picture of this name; nothing is shown where there is no such picture. `screen_only`: paper has it
+    not."""
 
     name: str
+    screen_only: bool = False
     kind: ClassVar[str] = "figure"
 
 
 @dataclass(frozen=True)
 class SceneBlock:
     """The picture that can be turned (`run_scene.py`), if the page has one."""
+
+    screen_only: bool = False
 
     kind: ClassVar[str] = "scene"
 
@@ -243,6 +248,16 @@ class Page:
                 chapters.append([])
             chapters[-1].append(section)
         return chapters
+
+
+def on_screen(table: Table | None) -> Table | None:
+    """A table that paper has not: every number of it is in the JSON."""
+    return None if table is None else replace(table, screen_only=True)
+
+
+def on_paper(blocks: Sequence[Block]) -> list[Block]:
+    """The blocks without those of the screen alone."""
+    return [block for block in blocks if not getattr(block, "screen_only", False)]
 
 
 def plain_page(title: str, *blocks: Block | None) -> Page:

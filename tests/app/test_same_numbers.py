@@ -58,13 +58,12 @@ def in_json(document: dict[str, Any]) -> Numbers:
 
 
 def in_terminal(text: str) -> Numbers:
-    """Values to enter are printed where they are not the offsets: those of nominal geometry are."""
-    offsets, _, after = text.partition("What to do next")
-    rows = re.findall(r"^(J\d) \(δ\d\) +(\S+°) +(\S+°) +\S identified", offsets, re.MULTILINE)
-    entered = re.findall(r"^(J\d) +(\S+°) +(\S+°) +\S+°$", after, re.MULTILINE)
-    assert ("Values to enter" in after) == bool(entered)
+    """Values to enter are on page one; the offsets below it."""
+    first, _, after = text.partition("Joint offsets of the arm")
+    rows = re.findall(r"^(J\d) \(δ\d\) +(\S+°) +(\S+°) +\S \w", after, re.MULTILINE)
+    entered = re.findall(r"^(J\d) +(\S+°) +(\S+°) +\S ", first, re.MULTILINE)
     return {name: (value, u) for name, value, u in rows} | {
-        f"enter {name}": (value, u) for name, value, u in entered or rows
+        f"enter {name}": (value, u) for name, value, u in entered
     }
 
 
@@ -73,14 +72,16 @@ def in_table(tab: Tab, table: str, prefix: str = "") -> Numbers:
     rows = tab.value(
         f"[...{table}.tBodies[0].rows].map((r) => [...r.cells].map((c) => c.textContent.trim()))"
     )
-    return {f"{prefix}{row[0][:2]}": (row[1], row[2]) for row in rows if not row[1].startswith("held")}
+    return {f"{prefix}{row[0][:2]}": (row[1], row[2]) for row in rows if row[1][-1:] == "°" and row[2]}
 
 
 def in_report(folder: Path) -> Numbers:
     with chromium().opened(folder / "arm/report/report.html") as tab:
         table = "[...document.querySelectorAll('table')].find((t) => t.caption?.textContent.startsWith({!r}))"
         return in_table(tab, table.format("Joint offsets of the arm")) | in_table(
-            tab, table.format("Values to enter"), "enter "
+            tab,
+            "[...document.querySelectorAll('table')].find((t) => t.tHead.textContent.includes('trusted'))",
+            "enter ",
         )
 
 
@@ -97,4 +98,4 @@ def test_page_terminal_report_and_json_say_the_same(folder: Path) -> None:
     assert sum(map(len, numbers.values())) == COUNT
     assert in_report(folder) == numbers
     assert in_app(folder) == numbers
-    assert in_terminal(zerobeam("analyse", folder / "arm/run.jsonl", "--ess", "100").out) == numbers
+    assert in_terminal(zerobeam("analyse", folder / "arm/run.jsonl", "--ess", "100", "--full").out) == numbers

@@ -12,7 +12,7 @@ import zerobeam as zb
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.values_to_enter import Conformity, Entered, TcpError
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.reports.run.next_steps_section import next_steps_section
+from zerobeam.reports.run.front import front
 from zerobeam.reports.style.blocks import Table
 from zerobeam.words import numbers
 from zerobeam.words.controllers import POSITIONS
@@ -55,10 +55,11 @@ def test_a_value_has_the_status_of_its_own_u() -> None:
     assert passed().parameters.named(weak).status == "identified"
     advice = next_steps(passed(), message(passed()))
     assert {row.name: row.status for row in advice.enter} == entered.status
-    section = next_steps_section(passed())
-    assert section is not None
-    (table,) = (block for block in section.blocks if isinstance(block, Table))
-    assert [row.cells[3].mark for row in table.rows] == [row.status for row in advice.enter]
+    table = next(block for block in front(passed()) if isinstance(block, Table))
+    marks = {row.cells[0].text: row.cells[-1].mark for row in table.rows}
+    assert [marks[f"J{row.name.removeprefix('delta')}"] for row in advice.enter] == [
+        row.status for row in advice.enter
+    ]
 
 
 @pytest.mark.long
