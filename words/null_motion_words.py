@@ -50,9 +50,8 @@ def motion_words(motion: NullSpaceMotion, direction: NullDirection, measured: in
         new_posture="A posture that ends it",
         motion=f"{joint} from {less} to {more}",
         caption=(
-            "The null-space motion: both ends fit the readings equally. The arm in"
-            f" {len(motion.shots)} of {counted(measured, motion.like)} at both ends. {_drawn(motion)}{larger}"
-            " No place here is an estimate."
+            "Null-space motion: both ends fit the readings equally; no place here is an estimate."
+            f" {len(motion.shots)} of {counted(measured, motion.like)} are drawn. {_drawn(motion)}{larger}"
         ),
         alt=(
             f"The arm at both ends of the null-space motion, {joint} {less} and {joint} {more}"

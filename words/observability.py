@@ -50,7 +50,7 @@ _BASE_FRAME = (
 )
 _CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
-_PLAN_MORE = "plan more measurements (zerobeam plan optimal --shots)"
+_PLAN_MORE = "plan more measurements"
 _PLAN_ANEW = "plan other postures (zerobeam plan optimal)"
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
@@ -604,7 +604,7 @@ _WRONG: dict[WrongModel, str] = {
     "arm": "an arm {size} its tolerances off",
     "jump": "a jump of the zero of J{joint} by {size}",
     "drift": "a drift of the zero of J{joint} by {size}",
-    "moved": "a target moved by {size}",
+    "moved": "a target moved {size}",
     "reading": "one reading {size} off",
     "typing": "one joint value {size} off",
     "backlash": "backlash of {size}",

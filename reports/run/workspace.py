@@ -386,7 +386,7 @@ def _title(result: Result) -> str:
     )
     if not _proposed(result):
         return f"{text}."
-    return f"{text}; diamonds: where one more helps most, in this order."
+    return f"{text}; diamonds: best next ones."
 
 
 def _alt(result: Result) -> str:

@@ -19,7 +19,7 @@ from zerobeam.experiments.demos import demo_runs
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
 Numbers = dict[str, tuple[str, str]]  # by what it is, with its expanded uncertainty
-COUNT = 20
+COUNT = 18
 
 
 @pytest.fixture(scope="module", params=["estimated", "exact"])
