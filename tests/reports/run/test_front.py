@@ -1,0 +1,83 @@
+"""Page one: few words and lines, one table, and nothing that could be taken for an answer where there is none."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+
+import pytest
+from command_line import WIDTH
+from example_results import EXAMPLES, good, x_pattern
+from pypdf import PdfReader
+from rich.console import Console
+
+from zerobeam.analysis.answer.result import Result
+from zerobeam.reports.output.pdf import pdf
+from zerobeam.reports.output.terminal import print_page
+from zerobeam.reports.run.brief_page import MOST_CAUTIONS, front_page
+from zerobeam.reports.run.front import front
+from zerobeam.reports.run.report import pictures, report_page
+from zerobeam.reports.style.blocks import Bars, Table
+from zerobeam.words.message import message
+
+LINES, WORDS, ON_PAPER, VERDICT = 28, 200, 275, 17
+
+
+def words(text: str) -> int:
+    """Those with a letter: numbers, signs and bars are none."""
+    return sum(re.search(r"[^\W\d_]", word) is not None for word in text.split())
+
+
+def printed(result: Result) -> str:
+    text = io.StringIO()
+    print_page(Console(file=text, width=WIDTH, highlight=False, color_system=None), front_page(result))
+    return text.getvalue()
+
+
+@pytest.mark.parametrize("name", sorted(EXAMPLES))
+def test_it_is_read_in_ten_seconds(name: str) -> None:
+    result = EXAMPLES[name]
+    text = printed(result)
+    assert words(text) <= WORDS, text
+    assert len(text.splitlines()) <= LINES, text
+    assert words(message(result).verdict) <= VERDICT
+    assert len((front_page(result).message or message(result)).cautions) <= MOST_CAUTIONS
+
+
+@pytest.mark.parametrize("name", ["good", "x", "misfit"])
+def test_page_one_of_the_pdf_has_few_words(name: str) -> None:
+    result = {"good": good, "x": x_pattern, "misfit": lambda: EXAMPLES["misfit"]}[name]()
+    document = PdfReader(io.BytesIO(pdf(report_page(result), pictures(result, None))))
+    first = document.pages[0].extract_text()
+    assert words(first) <= ON_PAPER, first
+    assert "page 1 of" in first
+
+
+def test_there_is_one_table_of_offsets() -> None:
+    tables = [block for block in front(good()) if isinstance(block, Table)]
+    assert [table.columns[-1].text for table in tables][0] == "trusted"
+    assert sum(table.columns[0].text == "joint" for table in tables) == 1
+    (bars,) = (block for block in front(good()) if isinstance(block, Bars))
+    assert max(bars.shares) == 1.0
+    assert bars.shares[1] == pytest.approx(bars.rows[1].value / bars.rows[0].value)
+
+
+def test_a_wrong_model_has_no_table_and_no_bars() -> None:
+    assert front(EXAMPLES["misfit"]) == []
+
+
+def test_what_is_not_determined_has_no_number_in_the_table() -> None:
+    table = next(block for block in front(x_pattern()) if isinstance(block, Table))
+    row = next(row for row in table.rows if row.cells[0].text == "J2")
+    assert not re.search(r"\d", " ".join(cell.text for cell in row.cells[1:]))
+    assert not [block for block in front(x_pattern()) if isinstance(block, Bars)]
+
+
+def test_a_simulated_run_is_marked_by_a_band_and_keeps_its_colour() -> None:
+    page = front_page(good())
+    assert page.band == "Simulated: no robot was measured"
+    assert page.verdict.key == "pass"
+    header = {key: value for key, value in good().inputs.header.items() if key != "provenance"}
+    measured = replace(good(), inputs=replace(good().inputs, header=header))
+    assert front_page(measured).band == ""
