@@ -15,6 +15,7 @@ from study_text import cells, text_of
 from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.report import report_page
+from zerobeam.reports.style.blocks import on_paper
 
 
 def made(result: Result) -> pypdf.PdfReader:
@@ -36,7 +37,9 @@ def text_of_example(name: str) -> str:
 def test_every_cell_of_the_page_is_in_the_pdf(name: str) -> None:
     result = EXAMPLES[name]
     text = text_of_example(name).replace(" ", "")
-    for cell in cells(report_page(result)):
+    page = report_page(result)
+    of_paper = [on_paper(section.all) for section in page.sections]
+    for cell in cells([page.front, of_paper]):
         assert re.sub(r"\s", "", cell) in text, cell
 
 

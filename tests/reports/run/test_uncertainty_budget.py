@@ -11,7 +11,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.inputs import traceability_section
 from zerobeam.reports.run.uncertainty_budget import MOST_COLUMNS, MOST_SOURCES, budget_section
-from zerobeam.reports.style.blocks import Page, Verdict
+from zerobeam.reports.style.blocks import Form, Page, Verdict
 from zerobeam.words.numbers import MINUS
 
 PLAIN = {("joint", "1"): 0.6, ("spot",): 0.3995, ("prior", "delta2"): 0.001, ("curvature",): -0.0005}
@@ -181,7 +181,10 @@ def form(kind="laser", **provenance):
     header = found.inputs.header | {"provenance": provenance, "tool": {"kind": kind}}
     inputs = dataclasses.replace(found.inputs, header=header)
     section = traceability_section(dataclasses.replace(found, inputs=inputs))
-    return {name: row[0] for name, row in cells(tables(section)[0]).items()}, paragraphs(section)
+    forms = (block for block in section.all if isinstance(block, Form))
+    return {
+        name: text for one in forms for name, text in [*one.rows, *((name, "") for name in one.to_sign)]
+    }, paragraphs(section)
 
 
 def test_nothing_is_filled_in_that_nobody_stated():
@@ -193,11 +196,16 @@ def test_nothing_is_filled_in_that_nobody_stated():
 
 def test_what_the_provenance_states_is_filled_in():
     stated = {"who": "J. Doe", "Robot_Serial": "1600-501234", "laser certificate": 4711, "note": "x"}
-    filled, said = form(**stated, origin="simulated")
+    filled, _ = form(**stated)
     assert filled["Calibrated by"] == "J. Doe"
     assert filled["Robot, serial number"] == "1600-501234"
     assert filled["Laser, calibration certificate"] == "4711"
     assert sum(bool(entry) for entry in filled.values()) == 4
+
+
+def test_what_was_simulated_has_no_form_to_sign():
+    blank, said = form(origin="simulated")
+    assert blank == {}
     assert "nothing here is traceable" in said
 
 

@@ -19,9 +19,10 @@ from zerobeam.analysis.diagnostics.accuracy import accuracy
 from zerobeam.analysis.diagnostics.values_to_enter import Entered, TcpError
 from zerobeam.analysis.status import Status
 from zerobeam.model.errors import UnsoundResult
+from zerobeam.reports.run.front import MAP, front
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.workspace import class_edges, class_of, workspace_picture, workspace_section
-from zerobeam.reports.style.blocks import Paragraph
+from zerobeam.reports.style.blocks import FigureBlock, Paragraph
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 from zerobeam.words.enter import enter_sentence
@@ -68,7 +69,7 @@ def test_the_next_postures_are_marked_and_listed(result: Result) -> None:
     picture = workspace_picture(result)
     assert picture is not None
     assert "next posture" in words(picture.svg)
-    assert picture.title.endswith("where one more measurement helps the TCP most, in this order.")
+    assert picture.title.endswith("diamonds: best next ones.")
     rows = texts_of(table(workspace_section(result), "Where one more measurement helps the TCP most"))
     assert [row[0] for row in rows] == ["1", "2", "3"]
     for row, posture in zip(rows, outlook.next_postures, strict=True):
@@ -193,7 +194,7 @@ def level_of(result: Result, region: str, key: str, level: str) -> float:
 
 def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
     section = workspace_section(result)
-    assert [block.kind for block in section.lead] == ["text", "figure"]
+    assert FigureBlock(MAP) in front(result)
     rows = texts_of(table(section, "Accuracy before"))
     columns = [(region, level) for region in ("workspace", "near_shots") for level in ("median", "worst")]
     keys = ("before_mm", "before_std_mm", "after95_mm", "after_rms_mm")
@@ -241,7 +242,7 @@ def test_values_to_enter_bring_their_figures(result: Result) -> None:
 
 def test_doubts_stand_before_the_maps(result: Result) -> None:
     bad = replace(result, accuracy=replace(result.accuracy, weak=("delta4", "delta5")))
-    said = [block.text for block in workspace_section(bad).lead if isinstance(block, Paragraph)]
+    said = [block.text for block in workspace_section(bad).all if isinstance(block, Paragraph)]
     assert said[1] == (
         "J4 (δ4) and J5 (δ5) are only weakly determined and enter with their large standard uncertainty."
     )
