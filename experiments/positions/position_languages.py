@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from ...model.arrays import Matrix
 from ...model.kinematics.branches import (
     Branch,
@@ -17,7 +19,9 @@ from ...model.kinematics.branches import (
     kuka_turn,
 )
 from ...model.kinematics.orientation import Orientation, from_abc, from_quaternion, from_rpy, orientation
+from .arm_change import NotConvertible
 from .fanuc_reader import read_fanuc
+from .inform_reader import read_inform
 from .krl_reader import read_krl
 from .position import PositionLanguage
 from .rapid_reader import read_rapid
@@ -52,6 +56,28 @@ def _is_fanuc(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
 
 def _fanuc(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
     return [texts[0], ", ".join(map(str, fanuc_configuration(branch, joints)[1]))]
+
+
+_SLACK = 1e-3  # deg by which a joint may be beyond a border that is stated for it
+
+
+def _is_yaskawa(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    """///RCONF: no flip (R within 90 degrees of 180), lower arm, rear; R, T, S beyond half a turn."""
+    no_flip, lower, rear, *beyond = (text == "1" for text in texts)
+    folded = abs((float(joints[3]) + 180) % 360 - 180)
+    flipped = folded > 90 - _SLACK if no_flip else folded < 90 + _SLACK
+    turns = zip(beyond, np.abs(joints[[3, 5, 0]]).tolist(), strict=True)
+    return (
+        (lower, rear) == (branch.behind_arm, branch.behind)
+        and flipped
+        and all(value > 180 - _SLACK if far else value < 180 + _SLACK for far, value in turns)
+    )
+
+
+def _shared(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
+    raise NotConvertible(
+        f"once converted it has another configuration than {', '.join(texts)}, which is stated for others too"
+    )
 
 
 RAPID = PositionLanguage(
@@ -103,4 +129,22 @@ FANUC = PositionLanguage(
     mark=r"^/PROG\b|\$POSREG\b|\$MNU(?:FRAME|TOOL)\b",
     beside=r"sysframe\.va",
 )
-LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC)
+INFORM = PositionLanguage(
+    "INFORM",
+    "yaskawa",
+    (".jbi", ".cnd"),
+    read_inform,
+    remark=r"'[^\n]*",
+    pose=from_rpy,
+    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
+    form="X,Y,Z,RX,RY,RZ",
+    pose_decimals=(3, 3, 3, 4, 4, 4),
+    joint_decimals=0,
+    matches=_is_yaskawa,
+    configuration=_shared,
+    null=frozenset({"base"}),
+    unit="pulse",
+    mark=r"^/JOB\b",
+    beside=r"uframe\.cnd",
+)
+LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM)

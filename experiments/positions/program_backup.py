@@ -66,7 +66,9 @@ def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Se
     reading = BackupReading(files)
     language.read(reading)
     reading.refused += [
-        line for line in unread if re.search(r"\.(?:mod|src|ls|prg|va)$", line.file.name, re.IGNORECASE)
+        line
+        for line in unread
+        if re.search(r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|dtx|pcs|drl|script)$", line.file.name, re.I)
     ]
     return reading.of(chosen).finished()
 

@@ -11,10 +11,12 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
+import yaskawa_controller
 from controller_arm import ControllerArm
 from scipy.spatial.transform import Rotation
 
@@ -50,6 +52,10 @@ class MadeBackup:
     frames: dict[str, Matrix]
     positions: list[MadePosition]
     texts: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def options(self) -> dict[str, object]:
+        return self.dialect.options(self)
 
     def readings(self, texts: dict[str, str], near: Matrix) -> list[Matrix]:
         """(6,) the joints to which the controller goes for each position, from those near by."""
@@ -115,6 +121,10 @@ class Dialect(ABC):
     @abstractmethod
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         """Its numbers and its configuration in these texts."""
+
+    def options(self, backup: MadeBackup) -> dict[str, object]:
+        """What has to be stated, as the language does not say it."""
+        return {}
 
     def pose(self, one: MadePosition, backup: MadeBackup) -> Matrix:
         flange = self.arm.fk(one.joints, "deg")
@@ -456,7 +466,82 @@ class Fanuc(Dialect):
         return numbers, stated_configuration.groups() if stated_configuration else ()
 
 
-DIALECTS: dict[str, Dialect] = {each.name: each for each in (Rapid(), Krl(), Fanuc())}
+class Inform(Dialect):
+    """Jobs of a GP7 with UFRAME.CND; tools are stated."""
+
+    name = "INFORM"
+    joint_digit, turn_digit = yaskawa_controller.STEP_DEG, 1e-3  # half a pulse; four decimals
+    tool_names, frame_names = ("0", "1", "7"), ("base", "2", "10")
+
+    @cached_property
+    def robot(self) -> str:  # type: ignore[override]
+        return yaskawa_controller.robot_file(Path(mkdtemp()))
+
+    def _sides(self, row: Matrix) -> tuple[float, float]:
+        """By the data sheet: axis L 40 mm before axis S, lower arm 445, fore arm 440 and 40 across it."""
+        lower, fore = np.radians(row[1]), np.radians(row[2] - row[1])
+        arm = 445 * np.array([np.sin(lower), np.cos(lower)])
+        centre = 440 * np.array([np.cos(fore), np.sin(fore)]) + 40 * np.array([-np.sin(fore), np.cos(fore)])
+        return 40 + arm[0] + centre[0], float(arm[1] * centre[0] - arm[0] * centre[1]) / 445
+
+    def clear(self, joints: Matrix) -> float:
+        ahead, above = self._sides(joints)
+        turns = np.abs(np.abs(joints[[0, 3, 5]]) - 180).min(), abs(abs(joints[3]) - 90), abs(joints[4])
+        return min(ahead, abs(above), *turns)  # behind axis S nothing is converted
+
+    def _rconf(self, joints: Matrix) -> str:
+        flip = int(90 < abs(joints[3]) <= 270)
+        beyond = [int(abs(joints[i]) > 180) for i in (3, 5, 0)]
+        return ",".join(map(str, [flip, int(self._sides(joints)[1] < 0), 0, *beyond, 0, 0]))
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return self._rconf(joints) == configuration[0]
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        return _of_angles(numbers, "xyz")
+
+    def options(self, backup: MadeBackup) -> dict[str, object]:
+        return {"tools": [f"{n}={','.join(map(repr, _angles(t, 'xyz')))}" for n, t in backup.tools.items()]}
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        frames = []
+        for n, pose in backup.frames.items():
+            if n != "base":
+                values = [f"{value:.4f}" for value in _angles(pose, "xyz")]
+                frames += [f"//UFRAME {n}", "///NAME X", "///TOOL 0", "///GROUP 1,0,0", "///PULSE"]
+                frames += ["////RORG C000=1,2,3,4,5,6", f"////BUSER {','.join(values)}"]
+        rows, body = [], []
+        for number, one in enumerate(backup.positions):
+            pulses = one.in_joints
+            rows += [f"///TOOL {one.tool}"] if rng.random() < 0.5 or not pulses else []
+            if pulses:
+                rows += ["///POSTYPE PULSE", "///PULSE"]
+                values = [f"{value:.0f}" for value in one.joints * yaskawa_controller.PULSES]
+            else:
+                rows += [f"///USER {one.frame}"] if one.frame != "base" else []
+                rows += [f"///POSTYPE {'USER' if one.frame != 'base' else rng.choice(['ROBOT', 'BASE'])}"]
+                rows += ["///RECTAN ", f"///RCONF {self._rconf(one.joints)}"]
+                decimals = (3, 3, 3, 4, 4, 4)
+                numbers = zip(_angles(self.pose(one, backup), "xyz"), decimals, strict=True)
+                values = [f"{value:.{digits}f}" for value, digits in numbers]
+            rows.append(f"C{number:05d}={','.join(values)}")
+            move = f"\t {rng.choice(['MOVJ', 'MOVL'])} C{number:05d} VJ=50.00 PL=0 "
+            body += ["IFTHENEXP I040=20 ", move, "ENDIF"]
+        head = ["/JOB", "//NAME WORK", "//POS", f"///NPOS {len(backup.positions)},0,0,0,0,0"]
+        inst = ["//INST", "///DATE 2026/01/01 00:00", "///ATTR SC,RW,RJ", "////FRAME BASE"]
+        inst += ["///GROUP1 RB1", "NOP"]
+        lines = [*head, *rows, *inst, "'MOVJ C00099", *body, 'MSG "MOVJ P001"', "END", ""]
+        return {"UFRAME.CND": "\r\n".join([*frames, ""]), "JOBS/WORK.JBI": "\r\n".join(lines)}
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        before, _, behind = texts["JOBS/WORK.JBI"].partition(f"C{int(one.name[1:]) - 1:05d}=")
+        numbers = _numbers(behind.split("\r\n")[0])
+        if one.in_joints:
+            return (np.array(numbers) / yaskawa_controller.PULSES).tolist(), ()
+        return numbers, (before.rpartition("///RCONF ")[2].strip(),)
+
+
+DIALECTS: dict[str, Dialect] = {each.name: each for each in (Rapid(), Krl(), Fanuc(), Inform())}
 
 
 def written(backup: MadeBackup, folder: Path) -> Path:

@@ -23,7 +23,7 @@ def test_positions_keep_their_places(language: str, seed: int, tmp_path: Path) -
     dialect = DIALECTS[language]
     backup = dialect.made(seed)
     entered = ENTERED * np.random.default_rng(seed).choice([-1, 1], 6)
-    answer = kept(written(backup, tmp_path), dialect.robot, entered)
+    answer = kept(written(backup, tmp_path), dialect.robot, entered, **backup.options)
     assert answer.refused == ()
     assert answer.to_state == ()
     assert answer.open_lines == []
@@ -54,7 +54,7 @@ def rest(text: str, file: str, answer: Conversion, *, new: bool = False) -> str:
 def test_keep_then_restore_gives_every_byte(language: str, tmp_path: Path) -> None:
     dialect = DIALECTS[language]
     backup = dialect.made(1)
-    answer = kept(written(backup, tmp_path / "backup"), dialect.robot)
+    answer = kept(written(backup, tmp_path / "backup"), dialect.robot, **backup.options)
     write_conversion(tmp_path / "new", answer)
     for name, content in answer.content.items():
         assert (tmp_path / "new" / name).read_bytes() == content

@@ -1,0 +1,111 @@
+"""What the reader of each language refuses or lists, by line: nothing is written then.
+
+The control: the same backup without the line is converted, and with the line, but without the check, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_backups import DIALECTS, MadeBackup, kept, written
+
+from zerobeam.experiments.positions.position import BackupReading
+
+
+@dataclass(frozen=True)
+class Case:
+    """A replacement in the generated backup of a seed, and how what is said of it begins, by line."""
+
+    old: str
+    new: str
+    said: str
+    checked: bool = True  # whether it would be written without the check
+
+
+CASES: dict[str, dict[str, Case]] = {
+    "INFORM": {
+        "cut off": Case("END\r\n", "", "1: this is no whole job", checked=False),
+        "lost position": Case("NPOS 2,", "NPOS 3,", "4: ///NPOS states 3 C and 0 P; there are (2, 0)"),
+        "damaged": Case("C00001=", "C0000O=", "this position is not understood"),
+        "tool at run time": Case("NOP\r\n", "NOP\r\nCHANGE TOOL#(2)\r\n", "CHANGE: tools or frames are set"),
+        "frame at run time": Case("NOP\r\n", "NOP\r\nMFRAME UF#(2) P001 P002 P003\r\n", "MFRAME: tools or"),
+        "another arm": Case("GROUP1 RB1", "GROUP1 RB1,RB2", "the job moves another arm"),
+        "which one": Case("NOP\r\n", "NOP\r\nSET P[B000] P002\r\n", "P[B000]: which position is"),
+        "shift": Case("NOP\r\n", "NOP\r\nSFTON P001\r\n", "SFTON shifts the positions"),
+        "step": Case("NOP\r\n", "NOP\r\nIMOV P001 V=10.0\r\n", "IMOV is a step"),
+        "base axis": Case("//INST", "BC00000=100\r\n//INST", "BC00000: a base axis carries the arm"),
+        "station": Case("//INST", "EC00000=100\r\n//INST", "EC00000 is of a station"),
+        "elsewhere": Case("NOP\r\n", "NOP\r\nMOVJ P049 VJ=1.00\r\n", "P49 is stored elsewhere"),
+        "computed": Case("NOP\r\n", "NOP\r\nMOVL P[I050] V=1.0\r\n", "MOVL P[I050] V=1.0 is computed"),
+    },
+}
+
+
+@cache
+def _made(language: str) -> MadeBackup:
+    return DIALECTS[language].made(11, 2)
+
+
+@pytest.mark.parametrize("language", CASES)
+def test_without_these_lines_it_is_converted(language: str, tmp_path: Path) -> None:
+    backup = _made(language)
+    assert kept(written(backup, tmp_path), backup.dialect.robot, **backup.options).converted
+
+
+@pytest.mark.parametrize(
+    ("language", "case"), [(language, case) for language, cases in CASES.items() for case in cases]
+)
+def test_it_is_refused_or_listed_by_line(
+    language: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dialect, one = DIALECTS[language], CASES[language][case]
+    backup = _made(language)
+    name = next(name for name, text in backup.texts.items() if one.old in text)
+    at = backup.texts[name].index(one.old) + len(one.new) - len(one.new.lstrip())
+    backup = replace(backup, texts=backup.texts | {name: backup.texts[name].replace(one.old, one.new, 1)})
+    answer = kept(written(backup, tmp_path / "bad"), dialect.robot, **backup.options)
+    assert not answer.converted
+    found = [(each.line, each.sentence) for each in (*answer.refused, *answer.open_lines)]
+    sentences = [f"{line}: {sentence}" if one.said[:1].isdigit() else sentence for line, sentence in found]
+    assert any(each.startswith(one.said) for each in sentences), sentences
+    line = backup.texts[name].count("\n", 0, at) + 1
+    assert any(line <= of <= line + one.new.count("\n") for of, _ in found) or one.said[:1].isdigit(), found
+    _without_checks(monkeypatch)
+    assert kept(tmp_path / "bad", dialect.robot, **backup.options).converted == one.checked
+
+
+def _without_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(*_: Any, **__: Any) -> None: ...
+
+    monkeypatch.setattr(BackupReading, "refuse", nothing)
+    monkeypatch.setattr(BackupReading, "doubt", nothing)
+    finished = BackupReading.finished
+
+    def without(self: BackupReading) -> BackupReading:
+        result = finished(self)
+        result.refused.clear()
+        result.doubtful.clear()
+        return result
+
+    monkeypatch.setattr(BackupReading, "finished", without)
+
+
+def test_a_variable_of_inform_that_the_job_computes_is_refused(tmp_path: Path) -> None:
+    backup = replace(_made("INFORM"), texts=dict(_made("INFORM").texts))
+    name, text = next((name, text) for name, text in backup.texts.items() if "//INST" in text)
+    stored = "///POSTYPE PULSE\r\n///PULSE\r\nP0001=1000,2000,3000,4000,20000,6000\r\n//INST"
+    text = text.replace("NPOS 2,0,0,0", "NPOS 2,0,0,1").replace("//INST", stored)
+    for line, sentence in {
+        "SETE P001 (3) 100": "the program overwrites the stored position P001",
+        "GETS PX001 $PX000": "the program overwrites the stored position P001",
+        "SFTON P001": "P0001 is a place at one statement and an offset at another",
+    }.items():
+        backup.texts[name] = text.replace("NOP\r\n", f"NOP\r\n{line}\r\nMOVJ P001 VJ=1.00\r\n")
+        answer = kept(written(backup, tmp_path), backup.dialect.robot, **backup.options)
+        assert [one.sentence for one in answer.refused] == [sentence]
+    backup.texts[name] = text.replace("NOP\r\n", "NOP\r\nMOVJ P001 VJ=1.00\r\n")
+    assert len(kept(written(backup, tmp_path), backup.dialect.robot, **backup.options).positions) == 3
