@@ -85,6 +85,8 @@ def _literal(file: SourceFile, literal: re.Match[str], reading: BackupReading) -
     label, key = name or f"line {file.line(pos)}", f"{_scope(file)}:{name or pos}".lower()
     external = [value for field, value in values.items() if field[0] == "E"]
     axes = [i for i, axis in enumerate(_AXES) if axis in fields]
+    if move is not None and move[1].upper() == "ASYPTP":
+        return None
     if (name is None and move is None) or literal["fields"].count(",") + 1 != len(fields):
         return reading.refuse(file, pos, f"{label}: it is not said what this position is, or for")
     if axes and not set(fields) & set("XYZBC"):
