@@ -165,12 +165,6 @@ REQUESTS: dict[str, Ask] = {
         for name in ("plan", "obstacles", "header", "result", "posterior", "run", "file", "archive")
     },
     **{key: _send(*key.split()[:2], body) for key, body in SENT.items()},
-    "GET /api/program file": lambda client, plan, name: client.get(
-        "/api/program", params={"file": name, "run": "run.jsonl"}
-    ),
-    "GET /api/program run": lambda client, plan, name: client.get(
-        "/api/program", params={"file": "plan.yaml", "run": name}
-    ),
     "PUT /api/file file": lambda client, plan, name: client.put(
         "/api/file", params={"file": name}, content=b"x"
     ),
@@ -296,7 +290,6 @@ def test_no_run_leads_out(client: TestClient, there: Path, name: str, start: str
     answers = [
         client.post("/api/refit", json={"run": "named.jsonl"}),
         client.get("/api/run", params={"file": "named.jsonl"}),
-        client.get("/api/program", params={"file": "plan.yaml", "run": "named.jsonl"}),
     ]
     _posterior(there / "posterior.nc", there / "named.jsonl")
     answers.append(
