@@ -114,12 +114,12 @@ def test_every_command_that_a_page_names_exists() -> None:
     for text in TEXTS.values():
         shown = [block.text for block in blocks(text) if block.language != "python"]
         code = "\n".join([*shown, *re.findall(r"`([^`\n]+)`", text)])
-        command = r"\bzerobeam ((?:(?:import|study|export|history) )?[a-z][a-z0-9-]*)\b"
+        command = r"\bzerobeam ((?:(?:import|study|export|history|positions) )?[a-z][a-z0-9-]*)\b"
         named |= set(re.findall(command, code))
     named -= {"posture"}  # a line of the log of a plan's program begins like a command
     assert named <= known, named - known
-    # Four alone are groups of commands; every command that does something is documented.
-    assert known - named <= {"import", "study", "export", "history"}
+    # Five alone are groups of commands; every command that does something is documented.
+    assert known - named <= {"import", "study", "export", "history", "positions"}
 
 
 def unknown_to_the_command_line(words: list[str]) -> str | None:
