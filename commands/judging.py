@@ -31,13 +31,14 @@ _REPORT = {**_ANALYSE, "writing": 0.5}
 def demo(
     folder: Annotated[Path, Option("Folder for the reports.", "-o --out")] = Path("zerobeam-demo"),
 ) -> None:
-    """Analyse three built-in runs: varied postures, an X-Pattern, an uncalibrated tool."""
+    """Analyse four built-in runs: varied postures, an X- and a Y-Pattern, an uncalibrated tool."""
     from ..model.files.run import read_run
-    from ..reports.output.terminal import print_blocks, print_message
+    from ..reports.output.terminal import print_blocks
     from ..reports.output.whole_folder import check_target
     from ..reports.run.brief_page import side_by_side
     from ..reports.run.report import REPORT, write_report
     from ..words.message import message
+    from ..words.wording import capital
 
     cases = demo_runs()
     for case in cases:
@@ -50,8 +51,8 @@ def demo(
         answers.append(analysis.result)
     print_blocks(out, [side_by_side([case.title for case in cases], answers)])
     for case, answer in zip(cases, answers, strict=True):
-        out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
-        print_message(out, message(answer))
+        out.print(f"\n[bold]{capital(case.title)}[/bold], {case.about}.")
+        say(message(answer).verdict)
         say(f"Report: {folder / case.name / 'report.html'}")
 
 

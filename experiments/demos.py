@@ -28,21 +28,12 @@ def example_files() -> dict[str, Path]:
 
 
 def demo_runs() -> tuple[DemoRun, ...]:
-    """The three cases: what works, what cannot work, and what still works."""
+    """The four cases, of one typical arm whose offsets are the means of Table 2 of the paper: what works,
+    what cannot work, what hardly does, and what still works. Each is by a plan of zerobeam and the simulated
+    cell (seed 1)."""
     return (
-        DemoRun(
-            "good",
-            "good run",
-            "seven varied measurements; the true offsets are the means of Table 2 of the paper.",
-        ),
-        DemoRun(
-            "x-pattern",
-            "X-Pattern",
-            "the paper's section 3.2: seven measurements in a row from back to front, joint 1 at rest.",
-        ),
-        DemoRun(
-            "uncalibrated",
-            "uncalibrated tool",
-            "section 3.1: twelve measurements with a laser that is roughly along x; its last joint is held.",
-        ),
+        DemoRun("good", "seven postures", "varied, the first two again at the end"),
+        DemoRun("x-pattern", "X-Pattern", "section 3.2 of the paper: joint 1 at rest"),
+        DemoRun("y-pattern", "Y-Pattern", "section 3.2 of the paper: joint 1 turns"),
+        DemoRun("uncalibrated", "uncalibrated", "section 3.1: twelve postures, a laser roughly along x"),
     )

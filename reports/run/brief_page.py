@@ -11,8 +11,8 @@ from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.geometry_words import worth_sentence
 from ...words.message import message, verdict_words
-from ...words.provenance import is_simulated
-from ...words.wording import counted, ended, label, listed, sentence, shown
+from ...words.provenance import is_simulated, true_values
+from ...words.wording import counted, ended, joints, listed, sentence, shown
 from ..style.blocks import (
     Cell,
     Directions,
@@ -161,38 +161,34 @@ def _measured(answer: Ended) -> Iterator[str]:
 
 
 def side_by_side(titles: Sequence[str], results: Sequence[Result]) -> Table:
-    """Several results next to each other, with the true values where a simulation states them. What has a
-    tolerance in all of them is left out."""
-    rows = [{row.name: row for row in result.parameters if row.group != "target"} for result in results]
-    estimated = (name for by_name in rows for name, row in by_name.items() if not row.tolerated)
+    """The offsets of several results next to each other, beside the true ones where all are simulations of
+    one arm."""
+    rows = [{row.name: row for row in result.parameters if row.group == "offset"} for result in results]
+    true = [true_values(result.inputs.provenance) for result in results]
+    alike = {name: value for name, value in true[0].items() if all(one.get(name) == value for one in true)}
     table = [
         row_of(
-            label(name),
+            *joints([name]),
+            *([numbers.fixed(alike[name], 2) if name in alike else ""] if alike else []),
             *(_compared(by_name.get(name), result) for by_name, result in zip(rows, results, strict=True)),
         )
-        for name in dict.fromkeys(estimated)
+        for name in dict.fromkeys(name for by_name in rows for name in by_name)
     ]
-    table.append(row_of("verdict", *(verdict_words(result.verdict, message(result)) for result in results)))
-    columns = ["", *titles]
-    return table_of("Offsets and tool: estimate ± U (k = 2), and the true value", columns, table, "l")
+    verdicts = (verdict_words(result.verdict, message(result)) for result in results)
+    table.append(row_of("", *([""] if alike else []), *verdicts))
+    columns = ["joint", *(["true"] if alike else []), *titles]
+    return table_of("Offsets ± U (k = 2), degrees or mm", columns, table, "lr")
 
 
-def _compared(row: ParameterResult | None, result: Result) -> str | Cell:
+def _compared(row: ParameterResult | None, result: Result) -> Cell | str:
     if row is None:
         return ""
-    if row.tolerated and row.estimate is None:
-        return f"prior only, u {numbers.exact(row.prior_std, row.unit)}"
-    if row.estimate is None:
-        text = "not determined"
-    elif row.std is None:
-        text = f"held at {numbers.exact(row.estimate, row.unit)}"
-    else:
-        u = result.coverage_factor * row.std
-        text = f"{numbers.estimate(row.estimate, u)} ± {numbers.spread(u, row.unit)}"
-    true = result.inputs.provenance.get(f"true {row.name} ({row.unit})")
-    if isinstance(true, int | float):
-        text += f" (true{numbers.NO_BREAK}{numbers.exact(float(true), row.unit)})"
-    return Cell(text, mark=row.status)
+    if row.held or row.status == "assumed":
+        return Cell(row.status)
+    if row.estimate is None or row.std is None:
+        return Cell("open", mark=row.status)
+    u = result.coverage_factor * row.std
+    return Cell(f"{numbers.estimate(row.estimate, u)} ± {numbers.spread(u)}", mark=row.status)
 
 
 def _paragraphs(*texts: str | None) -> list[Paragraph]:

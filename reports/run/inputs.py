@@ -65,40 +65,31 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
     sections = [section_of("Inputs", Facts(facts))]
     if provenance:
         sections.append(section_of("Provenance", Facts(provenance), level=2))
-    stated, usual = _stated(header)
-    rest = Paragraph(f"By default: {', '.join(f'{name} {value}' for name, value in usual)}.")
-    return [*sections, section_of("Settings of the run", Facts(stated), rest if usual else None, level=2)]
+    usual, every = _usual(header, (Header,)), flat(header)
+    settings = [row for row in every if row[0] not in usual]
+    rest = ", ".join(f"{name} {value}" for name, value in every if name in usual)
+    by_default = Paragraph(f"By default: {rest}.") if rest else None
+    return [*sections, section_of("Settings of the run", Facts(settings), by_default, level=2)]
 
 
-def _stated(header: dict[str, Any]) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """The settings of a run that are not the usual ones, and those that are."""
-    usual = _usual(header, (Header,))
-    every = flat(header)
-    return [row for row in every if row[0] not in usual], [row for row in every if row[0] in usual]
-
-
-def _usual(values: Mapping[str, Any], kinds: Iterable[type[BaseModel]], path: str = "") -> set[str]:
+def _usual(values: Mapping[str, object], kinds: Iterable[type[BaseModel]], path: str = "") -> set[str]:
     """The settings, as paths of `flat`, that have the default of a model with these keys."""
     model = next((one for one in kinds if set(values) <= _keys(one)), None)
-    found = set[str]()
+    usual = set[str]()
     for key, value in values.items():
         at = f"{path}.{key}" if path else key
         field = None if model is None else model.model_fields.get(key)
         optional = field is not None and not field.is_required()
         if field and optional and value == to_jsonable_python(field.get_default(call_default_factory=True)):
-            found |= {name for name, _ in flat(value, at)}
+            usual |= {name for name, _ in flat(value, at)}
         elif isinstance(value, dict):
             models = [] if field is None else list(_models(field.annotation))
             if field is None or any(set(value) <= _keys(one) for one in models):
-                found |= _usual(value, models, at)
+                usual |= _usual(value, models, at)
             else:  # a model a label
-                found |= {
-                    name
-                    for label, one in value.items()
-                    if isinstance(one, dict)
-                    for name in _usual(one, models, f"{at}.{label}")
-                }
-    return found
+                parts = ((label, one) for label, one in value.items() if isinstance(one, dict))
+                usual = usual.union(*(_usual(one, models, f"{at}.{label}") for label, one in parts))
+    return usual
 
 
 def _keys(model: type[BaseModel]) -> set[str]:

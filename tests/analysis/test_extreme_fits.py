@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from cells import good_plan
 from command_line import zerobeam
+from exact_runs import demo_runs
 
 from zerobeam.analysis import ladder
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.ladder import climb_ladder, held_out_rms, log_evidence
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.geometry import NOMINAL

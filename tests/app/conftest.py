@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from cells import good_plan
 from command_line import plan_file
+from exact_runs import demo_runs
 from starlette.testclient import TestClient
 
 import zerobeam as zb
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
 from zerobeam.app.server.serve import application
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.records import dumps
 from zerobeam.reports.output.posterior_file import write_posterior
 from zerobeam.words.sentences import to_json

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from app_page import SCREENS, app, give, root, touch, wait
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
+from exact_runs import demo_runs
 from recorded_logs import HEADER, POSTURES, fanuc_listing, fanuc_position, moves, table
 from ros_bags import Bag, file_of
 from ruamel.yaml import YAML
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.header import write_header
 from zerobeam.model.files.run import read_run
 

@@ -18,13 +18,13 @@ import typer.main
 from app_jobs import begun, ended
 from cells import good_plan
 from command_line import plan_file
+from exact_runs import demo_runs
 from starlette.testclient import TestClient
 
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import ALLOWED, job_command
 from zerobeam.app.server.requests import END_POINTS
 from zerobeam.commands.program import app
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN
 

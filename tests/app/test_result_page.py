@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from app_page import SCREENS, app, give, root, wait
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
+from exact_runs import demo_runs
 
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.face.in_app import AppView, app_of
 from zerobeam.model.files.run import write_run
 

@@ -13,8 +13,7 @@ import pytest
 from app_page import app, wait
 from chromium import Tab, chromium
 from command_line import zerobeam
-
-from zerobeam.experiments.demos import demo_runs
+from exact_runs import demo_runs
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 

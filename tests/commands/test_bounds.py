@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 from recorded_logs import HEADER, moves, table
 from small_results import small_result
 
 import zerobeam as zb
 from zerobeam.analysis.repeatability.repeats import read_result
 from zerobeam.commands import program
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.likelihood.kernel import KernelWarning
 
 RUN = demo_runs()[0].path

@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.parsing.reading import did_you_mean
 

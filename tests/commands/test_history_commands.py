@@ -9,9 +9,8 @@ from unittest import mock
 
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 from histories import a_result, as_misfit, write_result
-
-from zerobeam.experiments.demos import demo_runs
 
 
 @pytest.fixture

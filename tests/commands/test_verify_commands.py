@@ -7,10 +7,10 @@ import numpy as np
 import pypdf
 import pytest
 from command_line import Answer, zerobeam
+from exact_runs import demo_runs
 from pages import Page, assert_fetches_nothing
 from scipy import stats
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
 from zerobeam.words.provenance import true_values

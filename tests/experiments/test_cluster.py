@@ -246,7 +246,7 @@ def test_the_studies_of_drift_and_geometry_have_the_same_bytes_on_workers(tmp_pa
 
 @pytest.mark.long
 def test_a_batch_has_the_same_bytes_on_workers(tmp_path):
-    from zerobeam.experiments.demos import demo_runs
+    from exact_runs import demo_runs
 
     runs = [run.path for run in demo_runs()]
     how = [*runs, "--no-posterior"]

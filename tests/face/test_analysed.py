@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 from pages import Page
 
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.face.pictures import Figure
 from zerobeam.words.sentences import to_json
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
+from exact_runs import demo_runs
 
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import write_run
 
 

@@ -7,9 +7,9 @@ import pickle
 from dataclasses import replace
 
 import pytest
+from exact_runs import demo_runs
 
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import planned
 
 HEADER = {

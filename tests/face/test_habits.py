@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from arviz_stats.base import array_stats
+from exact_runs import demo_runs
 from matplotlib.figure import Figure as PlainFigure
 
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.face.progress import shown_progress
 from zerobeam.face.tables import data_frame
 from zerobeam.model.arrays import normal_half_width

@@ -16,9 +16,9 @@ from urllib.parse import unquote
 import pytest
 from app_page import request
 from cells import good_plan
+from exact_runs import demo_runs
 
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.face import in_app
 from zerobeam.face.in_app import AppView, app_of, write_run_beside
 from zerobeam.model.files.plan import write_plan
@@ -118,7 +118,7 @@ def test_without_the_extra_it_says_how_to_install_it(monkeypatch: pytest.MonkeyP
 _PROGRAM = """
 import sys
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
+from exact_runs import demo_runs
 sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
 print(sol.app().address, flush=True)
 sys.stdin.readline()

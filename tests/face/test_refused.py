@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from exact_runs import demo_runs
 from matplotlib.figure import Figure as PlainFigure
 
 import zerobeam as zb
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.face.predicted import DoubtfulJoints
 
 TOOL, NOISE = zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)), zb.Noise(joint_deg=0.01, spot_mm=0.05)

@@ -10,12 +10,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 
 import zerobeam as zb
 from zerobeam.analysis.observability.check import CheckedParameter
 from zerobeam.analysis.solution import ParameterResult
 from zerobeam.analysis.status import UNVALIDATED
-from zerobeam.experiments.demos import demo_runs
 
 HEADER = {
     "robot": "irb1600",

@@ -6,11 +6,11 @@ import pickle
 from xml.etree import ElementTree
 
 import pytest
+from exact_runs import demo_runs
 from matplotlib.figure import Figure as PlainFigure
 
 import zerobeam as zb
 from zerobeam.analysis.status import UNVALIDATED
-from zerobeam.experiments.demos import demo_runs
 
 
 @pytest.fixture(scope="module")

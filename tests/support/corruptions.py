@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 from cells import PROBE, TABLE_2, header, plan_of, simulated, varied_postures
+from exact_runs import demo_runs
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation
 from zerobeam.analysis.diagnostics.suspects import Cause
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
 from zerobeam.model.files.run import Run, read_run

@@ -12,6 +12,7 @@ from unittest.mock import patch
 
 import numpy as np
 from cells import OPEN_LASER, TABLE_2, good_plan, header, irb1600, plan_of, simulated, varied_postures
+from exact_runs import demo_runs
 from made_once import made_once
 
 from zerobeam.analysis.analyse import Analysis, analyse
@@ -19,7 +20,6 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.causes import NullDirection, TargetUnseen
 from zerobeam.analysis.posterior import sampler
 from zerobeam.analysis.posterior.posterior import Draws
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.files.header import StatedDistance, StatedGeometry, StatedTarget
 from zerobeam.model.files.plan import Plan

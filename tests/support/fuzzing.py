@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from command_line import Answer, zerobeam
 from documents import FILE_PAGES, blocks, read
+from exact_runs import demo_runs
 from export_runs import urdf_run
 from recorded_logs import HEADER as LOG_HEADER
 from recorded_logs import moves, table, ur
@@ -28,7 +29,6 @@ from ros_bags import Bag, file_of
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.robot_file import BUILT_IN
 
 Files = dict[str, bytes]

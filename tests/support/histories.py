@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from exact_runs import demo_runs
 from made_once import made_once
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps
 from zerobeam.words.sentences import to_json

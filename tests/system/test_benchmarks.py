@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 from scripts import BENCHMARKS, load_script
-
-from zerobeam.experiments.demos import demo_runs
 
 fit_time = load_script(BENCHMARKS, "fit_time")
 fit_peers = load_script(BENCHMARKS, "fit_peers")

@@ -14,8 +14,8 @@ import pytest
 from cells import exact_copy, good_plan
 from child import ZEROBEAM, child
 from command_line import plan_file
+from exact_runs import demo_runs
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.header import write_header
 from zerobeam.model.files.run import read_run
 

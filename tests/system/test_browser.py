@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from chromium import LAPTOP, PHONE, SIZES, Size, chromium
 from command_line import zerobeam
+from exact_runs import demo_runs
 from example_results import EXAMPLES, drawn
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.answer.result import Result
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.records import dumps
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page

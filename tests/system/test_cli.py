@@ -20,13 +20,13 @@ import pytest
 import typer
 from cells import PROBE, exact_copy, good_plan, header, pattern_plan, plan_of
 from command_line import Answer, plan_file, zerobeam
+from exact_runs import demo_runs
 from example_studies import agreeing, disagreeing, typed
 from golden_files import assert_golden
 
 import zerobeam as package
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.commands import program
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.schema import SCHEMA_NAMES
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.header import RUN_SCHEMA

@@ -21,6 +21,7 @@ import pypdf
 import pytest
 from cells import pattern_plan, plan_of
 from command_line import WIDTH, plan_file, zerobeam
+from exact_runs import demo_runs
 from recordings import DINOVA_1, PANDA_1, imported, places
 from rich.console import Console
 
@@ -29,7 +30,6 @@ from zerobeam.analysis.observability.check import Check
 from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.solution import ParameterTable
 from zerobeam.analysis.status import Status
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.plan import read_plan

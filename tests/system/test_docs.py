@@ -30,12 +30,12 @@ from documents import (
     told_commands,
     words,
 )
+from exact_runs import demo_runs
 from measured_arms import cube_run
 from scripts import load_script
 
 import zerobeam
 from zerobeam.commands.program import app
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
 from zerobeam.experiments.studies.sweeps.study_file import built_in_studies
 

@@ -17,11 +17,11 @@ import pypdf
 import pytest
 from chromium import PHONE, chromium
 from command_line import Answer, zerobeam
+from exact_runs import demo_runs
 from pages import Page, assert_fetches_nothing
 from rich.table import Table
 from rich.text import Text
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.robot_file import BUILT_IN
 from zerobeam.reports.output.terminal import Terminal
 

@@ -18,8 +18,8 @@ import pytest
 from cells import good_plan
 from child import ZEROBEAM, child
 from command_line import plan_file
+from exact_runs import demo_runs
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import recorded
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="what a process hears is looked up in /proc")

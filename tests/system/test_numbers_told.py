@@ -17,9 +17,8 @@ from typing import Any
 import pypdf
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 from pages import Page
-
-from zerobeam.experiments.demos import demo_runs
 
 # In the words themselves: years and clauses of the GUM, quantiles, draws that are advised, the scene's grid,
 # the chances beyond which only the side is said, the turn of joint 1 that is in front of the arm.

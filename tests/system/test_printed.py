@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from cells import PROBE, good_plan, header, pattern_plan, plan_of
 from command_line import WIDTH, plan_file, zerobeam
+from exact_runs import demo_runs
 from golden_files import assert_golden, without_draws
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())

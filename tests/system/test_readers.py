@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from documents import FILE_PAGES, blocks, read
+from exact_runs import demo_runs
 from export_runs import ARM, TURNING
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -17,7 +18,6 @@ from ruamel.yaml import YAML
 from small_results import small_result
 
 from zerobeam.analysis.repeatability.repeats import read_result, read_table
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.plans.obstacles import read_obstacles

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 from cells import good_plan
 from command_line import plan_file
-
-from zerobeam.experiments.demos import demo_runs
+from exact_runs import demo_runs
 
 GOOD = next(run.path for run in demo_runs() if run.name == "good")
 LOADED = """

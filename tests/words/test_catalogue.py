@@ -15,6 +15,7 @@ import pytest
 from cells import good_plan, pattern_plan, run_of
 from certificates import a_key
 from command_line import zerobeam
+from exact_runs import demo_runs
 from rich.console import Console
 
 import zerobeam as zb
@@ -55,7 +56,6 @@ from zerobeam.analysis.status import Status, Verdict
 from zerobeam.app.server.answers.home import home
 from zerobeam.app.server.answers.run_history import history
 from zerobeam.app.server.folder import Folder
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers import calibration as exporters
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header

@@ -7,11 +7,11 @@ from functools import cache
 from typing import Literal
 
 import pytest
+from exact_runs import demo_runs
 
 import zerobeam as zb
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.values_to_enter import Conformity, Entered, TcpError
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.run.front import front
 from zerobeam.reports.style.blocks import Table
 from zerobeam.words import numbers

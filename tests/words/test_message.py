@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import scipy
 from cells import TABLE_2, good_plan, pattern_plan, run_of, simulated
+from exact_runs import demo_runs
 from rich.console import Console
 
 import zerobeam as zb
@@ -24,7 +25,6 @@ from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, solve
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.calibration import NotValidated, calibration
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header

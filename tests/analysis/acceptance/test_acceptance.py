@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 from measured_arms import CELLS, recorded
 from scipy import stats
 
@@ -19,7 +20,6 @@ from zerobeam.analysis.acceptance.acceptance import (
 from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.prediction import Predictor
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.header import StatedSigma
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem

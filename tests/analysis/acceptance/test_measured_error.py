@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 from scipy.optimize import least_squares
 
 from zerobeam.analysis.acceptance.acceptance import measured_error
 from zerobeam.analysis.ladder import solve_run
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 

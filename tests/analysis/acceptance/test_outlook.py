@@ -4,12 +4,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 from plan_requests import plan_request
 
 from zerobeam.analysis.acceptance.acceptance import AIM, POWER, AcceptancePrediction, lacking_test
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.prediction import Predictor, of_rows
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import read_run

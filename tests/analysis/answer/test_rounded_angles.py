@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.kinematics.plausible import DoubtfulRobot
 
 

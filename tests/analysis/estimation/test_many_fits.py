@@ -4,11 +4,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 from measured_arms import CELLS, recorded
 
 from zerobeam.analysis.estimation import fit as fitting
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood, fits_of
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.kernel import compiled_at_once
 from zerobeam.model.likelihood.problem import Problem

@@ -19,6 +19,7 @@ from cells import (
     random_robot,
     simulated_problem,
 )
+from exact_runs import demo_runs
 from judgements import reason_for, sentence_of, verdict
 from scipy import stats
 
@@ -32,7 +33,6 @@ from zerobeam.analysis.observability.identifiability import (
     too_few_measurements,
 )
 from zerobeam.analysis.solution import solve
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.header import StatedGeometry

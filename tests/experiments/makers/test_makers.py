@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from cells import good_plan
 from command_line import plan_file
+from exact_runs import demo_runs
 from recorded_logs import HEADER, POSTURES
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.maker import Maker, makers
 from zerobeam.experiments.positions.position_languages import LANGUAGES
 from zerobeam.model.files.run import read_run

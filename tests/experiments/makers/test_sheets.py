@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.calibration import calibration
 from zerobeam.experiments.makers.fanuc.mastering import FanucCounts, fanuc_text
 from zerobeam.experiments.makers.maker import makers

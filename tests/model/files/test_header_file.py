@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from exact_runs import demo_runs
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import header_content
 from zerobeam.model.files.header_file import read_header

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exact_runs import demo_runs
 
 import zerobeam as zb
 from zerobeam.analysis.tcp_region import region_of, region_postures
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.plan import read_plan, write_plan

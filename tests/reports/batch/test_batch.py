@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 from cells import exact_copy
 from command_line import zerobeam
+from exact_runs import demo_runs
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.batch import Batch, BatchOffset, BatchRow
 from zerobeam.experiments.command_options import BatchSettings
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps

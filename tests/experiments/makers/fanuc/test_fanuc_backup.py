@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 from fanuc_backups import M900IA, R2000IB, FanucEncoders, write_backup
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
 from zerobeam.experiments.makers.fanuc.backup import read_fanuc_backup
 from zerobeam.experiments.makers.fanuc.mastering import FanucCounts, fanuc_text

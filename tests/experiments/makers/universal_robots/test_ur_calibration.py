@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import zerobeam
+from exact_runs import demo_runs
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.universal_robots.kinematics import (
     DELTAS,
     LINKS,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cells import LASER, header, plan_of, simulated, varied_postures
 from command_line import zerobeam
+from exact_runs import demo_runs
 from export_runs import TRUTH, saved
 
-from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.robot_file import load_robot, read_robot
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.parsing.reading import read_yaml
