@@ -18,8 +18,16 @@ from ...model.kinematics.branches import (
     kuka_status,
     kuka_turn,
 )
-from ...model.kinematics.orientation import Orientation, from_abc, from_quaternion, from_rpy, orientation
+from ...model.kinematics.orientation import (
+    Orientation,
+    from_abc,
+    from_quaternion,
+    from_rpy,
+    from_zyz,
+    orientation,
+)
 from .arm_change import NotConvertible
+from .as_reader import read_as
 from .fanuc_reader import read_fanuc
 from .inform_reader import read_inform
 from .krl_reader import read_krl
@@ -129,6 +137,31 @@ FANUC = PositionLanguage(
     mark=r"^/PROG\b|\$POSREG\b|\$MNU(?:FRAME|TOOL)\b",
     beside=r"sysframe\.va",
 )
+
+
+def _none(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    """Of languages that state no configuration."""
+    return not texts
+
+
+AS = PositionLanguage(
+    "AS",
+    "kawasaki",
+    (".as", ".pg", ".lc", ".sy"),
+    read_as,
+    remark=r";[^\n]*",
+    pose=from_zyz,
+    pose_numbers=_numbers(lambda turn: turn.zyz),
+    form="X,Y,Z,O,A,T",
+    pose_decimals=(6,) * 6,
+    joint_decimals=6,
+    matches=_none,
+    configuration=_shared,
+    null=frozenset({"null"}),
+    up=-1,
+    by_joint2=True,
+    mark=r"^\.(?:PROGRAM|TRANS|JOINTS|SYSDATA|NETCONF)\b",
+)
 INFORM = PositionLanguage(
     "INFORM",
     "yaskawa",
@@ -147,4 +180,4 @@ INFORM = PositionLanguage(
     mark=r"^/JOB\b",
     beside=r"uframe\.cnd",
 )
-LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM)
+LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM, AS)

@@ -8,6 +8,7 @@ file is read here by the lines that this file has written, and solved by `Contro
 from __future__ import annotations
 
 import re
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -188,7 +189,10 @@ def _random_pose(rng: np.random.Generator, mm: float) -> Matrix:
 
 
 def _angles(pose: Matrix, axes: str) -> list[float]:
-    return [*pose[:3, 3].tolist(), *Rotation.from_matrix(pose[:3, :3]).as_euler(axes, degrees=True).tolist()]
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)  # of two rotations about one axis
+        turns = Rotation.from_matrix(pose[:3, :3]).as_euler(axes, degrees=True)
+    return [*pose[:3, 3].tolist(), *turns.tolist()]
 
 
 def _of_angles(numbers: Sequence[float], axes: str) -> Matrix:
@@ -541,7 +545,82 @@ class Inform(Dialect):
         return numbers, (before.rpartition("///RCONF ")[2].strip(),)
 
 
-DIALECTS: dict[str, Dialect] = {each.name: each for each in (Rapid(), Krl(), Fanuc(), Inform())}
+class As(Dialect):
+    """A saved file of an RS007N. It states no configuration: all poses are near some joints."""
+
+    name, robot = "AS", "rs007n"
+    joint_digit = 1e-5
+    tool_names, frame_names = ("null", "grip", "torch"), ("null", "jig", "table")
+    near = np.array([15.0, 25.0, -75.0, 30.0, 50.0, -20.0])
+
+    def random_joints(self, rng: np.random.Generator) -> Matrix:
+        return np.asarray(self.near + np.round(rng.uniform(-12, 12, 6), 3))
+
+    def clear(self, joints: Matrix) -> float:
+        return float(joints[4])
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return configuration == ()
+
+    def options(self, backup: MadeBackup) -> dict[str, object]:
+        return {"near": ",".join(map(str, self.near))}
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        return _of_angles(numbers, "ZYZ")
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        frames = {**backup.tools, **backup.frames}
+        stays = rng.random() < 0.3  # no program sets a tool or base: those of .SYSDATA
+        if stays:
+            one = backup.positions[0]
+            backup.positions[:] = [replace(each, tool=one.tool, frame=one.frame) for each in backup.positions]
+        first = backup.positions[0]
+        shown = {name: " ".join(f"{value:.6f}" for value in _angles(frames[name], "ZYZ")) for name in frames}
+        used = set() if stays else {each for one in backup.positions for each in (one.tool, one.frame)}
+        trans = [f"{name} {shown[name]}" for name in sorted(used - {"null"})]
+        joints, programs = [], []
+        for one in backup.positions:
+            if one.in_joints:
+                values = [f"{value:.6f}" for value in one.joints]
+                way = rng.integers(3)
+                joints += [f"#{one.name} {' '.join(values)}"] if way == 0 else []
+                block = f"  JOINT SPEED9 ACCU1 TOOL1 (OFF,0,0,O) OX= WX= #[{','.join(values)}] ;{one.name}"
+                moves = [f"  JMOVE #{one.name}", f"  JMOVE #[{', '.join(values)}] ;{one.name}", block][way]
+            else:
+                values = [f"{value:.6f}" for value in _angles(self.pose(one, backup), "ZYZ")]
+                inline = rng.random() < 0.3
+                trans += [] if inline else [f"{one.name}[1,2] {' '.join(values)}"]
+                goal = f"TRANS({','.join(values)}) ;{one.name}" if inline else f"{one.name.lower()}[1,2]"
+                moves = f"  {rng.choice(['LMOVE', 'JMOVE'])} {goal}"
+            sets = [] if stays else [f"  TOOL {one.tool}", f"  BASE {one.frame.upper()}"]
+            programs += [f".PROGRAM go.{one.name}() #12", *sets, moves, "  DELAY 1 ;LMOVE away", ".END"]
+        head = [".*=== AS GROUP ===         : ASE_000000000", '.NETCONF     10.0.0.2,"x",255.255.255.0']
+        system = ["ZROBOT.TYPE    30   4   6 2010      -30751   RS007N-A001 ( 2017-05-24 10:38 )", ".END"]
+        system += [".SYSDATA", f"BASE   {shown[first.frame]}", f"TOOL   {shown[first.tool]}", "TOOLSHAPE 0 1"]
+        lines = [
+            *head,
+            ".ROBOTDATA1",
+            *system,
+            ".END",
+            *programs,
+            ".TRANS",
+            *trans,
+            ".END",
+            ".JOINTS",
+            *joints,
+        ]
+        return {"saved.as": "\r\n".join([*lines, ".END", ".REALS", "a = 1", ".END", ""])}
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        (text,) = texts.values()
+        entry = rf"^#?{one.name}(?:\[1,2\])? ([-\d. ]+)\r$|^.*(?:TRANS\(|#\[)([-\d., ]+)[)\]] ;{one.name}\r$"
+        found = re.search(entry, text, re.MULTILINE)
+        assert found is not None
+        return _numbers(found[1] or found[2]), ()
+
+
+MADE = (Rapid(), Krl(), Fanuc(), Inform(), As())
+DIALECTS: dict[str, Dialect] = {each.name: each for each in MADE}
 
 
 def written(backup: MadeBackup, folder: Path) -> Path:

@@ -42,6 +42,21 @@ CASES: dict[str, dict[str, Case]] = {
         "elsewhere": Case("NOP\r\n", "NOP\r\nMOVJ P049 VJ=1.00\r\n", "P49 is stored elsewhere"),
         "computed": Case("NOP\r\n", "NOP\r\nMOVL P[I050] V=1.0\r\n", "MOVL P[I050] V=1.0 is computed"),
     },
+    "AS": {
+        "cut off": Case(".END\r\n.REALS\r\na = 1\r\n.END\r\n", "", "the file ends before .END"),
+        "damaged": Case(".TRANS\r\n", ".TRANS\r\nz 1 2 3 4 5\r\n", "z has 5 numbers"),
+        "no number": Case(".TRANS\r\n", ".TRANS\r\nz 1 2 3 4 5 **\r\n", "this position is not"),
+        "external axis": Case(".JOINTS\r\n", ".JOINTS\r\n#z 1 2 3 4 50 6 7\r\n", "#z has positions of"),
+        "configuration": Case("  DELAY 1", "  RIGHTY\r\n  DELAY 1", "RIGHTY changes the configuration"),
+        "offset": Case(".TRANS\r\n", ".TRANS\r\nz 1 2 3 4 5 6\r\n", "no statement of the backup moves to z"),
+        "relative": Case("  DELAY 1", "  LDEPART 100\r\n  DELAY 1", "LDEPART"),
+        "approach": Case("  DELAY 1", "  JAPPRO #z,100\r\n  DELAY 1", "JAPPRO #z"),
+        "compound": Case("  DELAY 1", "  LMOVE a+b\r\n  DELAY 1", "a+b is computed"),
+        "stored": Case("  DELAY 1", "  POINT z = a+b\r\n  DELAY 1", "a+b is computed"),
+        "any of an array": Case("  DELAY 1", "  LMOVE a[.i]\r\n  DELAY 1", "a[.i] is computed"),
+        "home": Case("  DELAY 1", "  HOME\r\n  DELAY 1", "HOME is stored in the controller"),
+        "half a literal": Case("  DELAY 1", "  JMOVE #[1,2,3,4,5,\r\n  DELAY 1", "this position is not"),
+    },
 }
 
 
