@@ -118,8 +118,8 @@ def test_the_y_pattern_hardly_tells_an_offset(demo: tuple[Answer, Path]) -> None
 
 
 def test_the_uncalibrated_tool_is_where_it_truly_is() -> None:
-    """Chi-squared of its four parameters by their covariance: about the truth, and about what is stated. Of an
-    exact arm: the free tool of another takes up how its last link deviates."""
+    """Chi-squared of its four parameters by their covariance: about the truth, and about what is stated. Of
+    an exact arm: the free tool of another takes up how its last link deviates."""
     run = next(read_run(case.path) for case in exact_runs.demo_runs() if case.name == "uncalibrated")
     solution = solve_run(Problem.from_run(run), run.header)
     fit, parameters = solution.fit, solution.problem.parameters
