@@ -41,7 +41,8 @@ def read_as(reading: BackupReading) -> None:
 
 def _sections(file: SourceFile, reading: BackupReading, stored: set[str]) -> list[list[re.Match[str]]]:
     """The lines of its programs; positions, tools and frames are added."""
-    section, programs = "", []
+    section = ""
+    programs: list[list[re.Match[str]]] = []
     lines = [line for line in re.finditer(r"[^\r\n]+", file.bare) if not line[0].startswith(".*")]
     if (model := _MODEL.search(file.text)) is not None:
         reading.model = (file, file.line(model.start()), model[1])

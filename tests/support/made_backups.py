@@ -93,6 +93,7 @@ class Dialect(ABC):
 
     name: str
     robot: str
+    main: str  # the file with positions
     joint_digit: float = 1e-5  # deg, of a position in joints
     turn_digit: float = 0.001  # deg, of a pose
     tool_names: Sequence[str]
@@ -122,6 +123,10 @@ class Dialect(ABC):
     @abstractmethod
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         """Its numbers and its configuration in these texts."""
+
+    def label(self, one: MadePosition) -> str:
+        """What it is called in the table, where it is not in a motion itself."""
+        return one.name
 
     def options(self, backup: MadeBackup) -> dict[str, object]:
         """What has to be stated, as the language does not say it."""
@@ -209,7 +214,7 @@ def _numbers(text: str) -> list[float]:
 class Rapid(Dialect):
     """A module of an IRB 120."""
 
-    name, robot = "RAPID", "irb120"
+    name, robot, main = "RAPID", "irb120", "TASK1/Work.mod"
     tool_names, frame_names = ("tool0", "tGrip", "tTorch"), ("wobj0", "wFixture", "wTable")
 
     def _sides(self, row: Matrix) -> tuple[float, float, float]:
@@ -293,8 +298,11 @@ class Rapid(Dialect):
 class Krl(Dialect):
     """Programs and data lists of a KR 6 R900, with $config.dat."""
 
-    name, robot = "KRL", "kr6_r900"
+    name, robot, main = "KRL", "kr6_r900", "KRC/R1/Program/work.dat"
     tool_names, frame_names = ("0", "1", "3"), ("0", "2", "5")
+
+    def label(self, one: MadePosition) -> str:
+        return f"X{one.name}"
 
     def _sides(self, row: Matrix) -> tuple[float, float, float]:
         q2, q3 = np.radians(row[1]), np.radians(row[1] + row[2])
@@ -383,9 +391,12 @@ class Krl(Dialect):
 class Fanuc(Dialect):
     """Listings of an LR Mate 200iD with SYSFRAME.VA and POSREG.VA."""
 
-    name, robot = "TP", "lrmate_200id"
+    name, robot, main = "TP", "lrmate_200id", "WORK.LS"
     joint_digit, turn_digit = 5.1e-4, 1.5e-3  # three decimals of each joint, of each of three angles
     tool_names, frame_names = ("0", "1", "3"), ("0", "2", "4")
+
+    def label(self, one: MadePosition) -> str:
+        return f"P[{one.name[1:]}]"
 
     def counted(self, joints: Matrix, sign: float) -> Matrix:
         return np.asarray(joints - sign * np.array([0, 0, joints[1], 0, 0, 0]))
@@ -473,9 +484,12 @@ class Fanuc(Dialect):
 class Inform(Dialect):
     """Jobs of a GP7 with UFRAME.CND; tools are stated."""
 
-    name = "INFORM"
+    name, main = "INFORM", "JOBS/WORK.JBI"
     joint_digit, turn_digit = yaskawa_controller.STEP_DEG, 1e-3  # half a pulse; four decimals
     tool_names, frame_names = ("0", "1", "7"), ("base", "2", "10")
+
+    def label(self, one: MadePosition) -> str:
+        return f"C{int(one.name[1:]) - 1:05d}"
 
     @cached_property
     def robot(self) -> str:  # type: ignore[override]
@@ -548,10 +562,13 @@ class Inform(Dialect):
 class As(Dialect):
     """A saved file of an RS007N. It states no configuration: all poses are near some joints."""
 
-    name, robot = "AS", "rs007n"
+    name, robot, main = "AS", "rs007n", "saved.as"
     joint_digit = 1e-5
     tool_names, frame_names = ("null", "grip", "torch"), ("null", "jig", "table")
     near = np.array([15.0, 25.0, -75.0, 30.0, 50.0, -20.0])
+
+    def label(self, one: MadePosition) -> str:
+        return f"#{one.name}" if one.in_joints else f"{one.name}[1,2]"
 
     def random_joints(self, rng: np.random.Generator) -> Matrix:
         return np.asarray(self.near + np.round(rng.uniform(-12, 12, 6), 3))

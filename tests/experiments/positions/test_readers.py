@@ -218,14 +218,14 @@ def test_groups_registers_and_external_axes_of_fanuc(tmp_path: Path) -> None:
 def test_damaged_files_are_refused_or_keep_their_places(language: str, count: int, tmp_path: Path) -> None:
     dialect = DIALECTS[language]
     backup = dialect.made(5, 3)
-    main = {"RAPID": "TASK1/Work.mod", "KRL": "KRC/R1/Program/work.dat", "TP": "WORK.LS"}[language]
-    whole = kept(written(backup, tmp_path / "whole"), dialect.robot)
-    meant = {row.name.removeprefix("X"): row for row in whole.positions}
+    main = dialect.main
+    whole = kept(written(backup, tmp_path / "whole"), dialect.robot, **backup.options)
+    meant = {row.name: row for row in whole.positions}
     refused = compared = 0
     for number, text in enumerate(damaged(backup.texts[main], count, seed=1)):
         copy = MadeBackup(dialect, backup.tools, backup.frames, [], backup.texts | {main: text})
         try:
-            answer = kept(written(copy, tmp_path / str(number)), dialect.robot)
+            answer = kept(written(copy, tmp_path / str(number)), dialect.robot, **backup.options)
         except BadInput:
             refused += 1
             continue
@@ -233,9 +233,9 @@ def test_damaged_files_are_refused_or_keep_their_places(language: str, count: in
             assert answer.refused or answer.open_lines or answer.to_state or not answer.positions
             refused += 1
             continue
-        rows = {row.name.removeprefix("X"): row for row in answer.positions}
+        rows = {row.name: row for row in answer.positions}
         for one in backup.positions:
-            label = one.name if language != "TP" else f"P[{one.name[1:]}]"
+            label = dialect.label(one)
             row, before = rows.get(label), meant.get(label)
             if row is None or before is None or found(dialect, one, copy.texts) is None:
                 continue
