@@ -24,7 +24,13 @@ _MODEL = ("export robot", "corrected.yaml")
 _LINKS = {"universal-robots": ("export ur-calibration", "calibration.yaml")}
 _URDF = ("export urdf", "corrected.urdf")
 # Whose programs `zerobeam positions` reads, by the endings of their files.
-POSITIONS = {"abb": ".mod, .prg, .sys", "fanuc": ".ls, .va", "kuka": ".src, .dat"}
+POSITIONS = {
+    "abb": ".mod, .prg, .sys",
+    "fanuc": ".ls, .va",
+    "kawasaki": ".as, .pg",
+    "kuka": ".src, .dat",
+    "yaskawa": ".jbi",
+}
 _NO_OFFSETS = ("denso", "doosan", "franka", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")
 
 
