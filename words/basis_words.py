@@ -66,7 +66,7 @@ def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
     if not effects or basis.offset is None or basis.u is None or basis.u_if_exact is None:
         return text
     if basis.u_if_exact > _HARDLY * basis.u:
-        return f"{text} (U hardly less)"
+        return f"{text} (U hardly less if exact)"
     u, if_exact = (numbers.spread(k * each, basis.unit or "") for each in (basis.u, basis.u_if_exact))
     (offset,) = joints([basis.offset], name)
-    return f"{text} ({offset} U {u}, exact {if_exact})"
+    return f"{text} ({offset} U {u}, if exact {if_exact})"

@@ -68,6 +68,7 @@ from .geometry_words import confounded_sentence, with_own_u, worth_sentence
 from .misfit_causes import CAUSES, by_another_run, mend
 from .misfit_words import cause_sentence, larger_tolerance, measurements, step_sentence
 from .observability import (
+    PLAN_MORE,
     assumed_steps,
     condition,
     direction_remedy,
@@ -297,14 +298,19 @@ def _look_at_held_out(misfit: HeldOutMisfit, case: RunCase) -> str:
 
 def _determine(one: Open, case: RunCase) -> str:
     better = _better_postures(one, case)
-    to_do = direction_remedy(one.direction, person) if better is None else better[0]
-    return f"Enter nothing yet: {to_do}."
+    if better is None:
+        return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
+    if helps_little(one.direction):
+        return f"Enter nothing yet: {better[0]}."
+    change = direction_remedy(one.direction, person).removesuffix(f"; then {PLAN_MORE}")
+    text, plan = better
+    to = text.rpartition("→ ")[2]
+    return f"Enter nothing yet: {change}. Or plan {plan.shots} better postures: U {to}."
 
 
 def _better_postures(one: Open, case: RunCase) -> tuple[str, OutlookRow] | None:
-    """Where no change of one posture or joint is known to help enough."""
     outlook = None if case.result is None else case.result.outlook
-    return better_postures(outlook, one.row) if helps_little(one.direction) else None
+    return None if isinstance(one.direction.cause, _IN_THE_HEADER) else better_postures(outlook, one.row)
 
 
 def _plan_or_again(one: Open, case: RunCase) -> str | None:

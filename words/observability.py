@@ -36,6 +36,7 @@ from ..analysis.observability.causes import (
 )
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
+from ..analysis.observability.outlook import COVERAGE
 from ..analysis.observability.power import NOTICED, DetectionPower, WrongModel, harm
 from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
@@ -50,7 +51,7 @@ _BASE_FRAME = (
 )
 _CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
-_PLAN_MORE = "plan more measurements"
+PLAN_MORE = "plan more measurements"
 _PLAN_ANEW = "plan other postures (zerobeam plan optimal)"
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
@@ -219,17 +220,18 @@ def _closer(cause: Cause, tried: Tried) -> str:
 
 def _promise(tried: Tried, name: Namer) -> str:
     """What a remedy is predicted to give."""
-    text = f"predicted u: {listed([_predicted(each, name) for each in tried.predicted])}"
+    text = f"predicted U: {listed([_predicted(each, name) for each in tried.predicted])}"
     if any(each.after > each.tolerance for each in tried.predicted):
-        text += f"; then {_PLAN_MORE}"
+        text += f"; then {PLAN_MORE}"
     return text
 
 
 def _predicted(row: Predicted, name: Namer) -> str:
+    """Expanded uncertainties, k = 2."""
     unit = numbers.unit_of(row.unit)
-    before = "not determined" if row.before is None else numbers.spread(row.before, unit)
+    before = "not determined" if row.before is None else numbers.spread(COVERAGE * row.before, unit)
     weak = " (still weak)" if row.after > row.tolerance else ""
-    return f"{name(row.name)} {before} → {numbers.spread(row.after, unit)}{weak}"
+    return f"{name(row.name)} {before} → {numbers.spread(COVERAGE * row.after, unit)}{weak}"
 
 
 def _untried(cause: Cause, name: Namer) -> str:
@@ -555,11 +557,11 @@ _BY_ANOTHER_RUN = "compare with a second run (zerobeam compare)"
 def _again(power: DetectionPower) -> str:
     if power.again >= 1:
         return _BY_ANOTHER_RUN
-    return f"repeat {'more postures' if power.again else 'the first postures'} (--repeat)"
+    return f"repeat {'more postures' if power.again else 'the first postures'} (plan --repeat)"
 
 
 def _twice(power: DetectionPower) -> str:
-    return _BY_ANOTHER_RUN if power.again >= 1 else "repeat all postures (--repeat)"
+    return _BY_ANOTHER_RUN if power.again >= 1 else "repeat all postures (plan --repeat)"
 
 
 # What reveals wrong models, one remedy for each group; what repeats show by what can still be repeated.

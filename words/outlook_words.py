@@ -112,8 +112,11 @@ def better_postures(outlook: Outlook | None, offset: Any) -> tuple[str, OutlookR
     first = next((row for row, u in rows if u <= outlook.enough.get(name, 0.0)), None)
     if first is None:
         return None
-    to = ", ".join(f"{_expanded(u, unit)} with {row.shots}" for row, u in rows)
-    return f"plan better postures: predicted U of {person(name)} {_expanded(now, unit)} → {to}", first
+    to = _expanded(first.U[name], unit)
+    return (
+        f"plan {first.shots} better postures: predicted U of {person(name)} {_expanded(now, unit)} → {to}",
+        first,
+    )
 
 
 def outlook_notes(outlook: Outlook) -> list[str]:

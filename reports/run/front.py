@@ -18,9 +18,11 @@ from ...words.region_words import region_short
 from ...words.trust import trusted
 from ...words.wording import NOT_DETERMINED, joints
 from ..scenes.null_motion_picture import NAME
-from ..style.blocks import Bar, Bars, Block, Cell, FigureBlock, Row, Table, row_of, table_of
+from ..style.blocks import Bar, Bars, Block, Cell, FigureBlock, Paragraph, Row, Table, row_of, table_of
 from .outlook_section import outlook_blocks
 from .workspace import NAME as MAP
+
+MAKE_UP = "Values to enter make up for links too: their U is not that of the offsets."
 
 
 def front(result: Result) -> list[Block]:
@@ -30,6 +32,7 @@ def front(result: Result) -> list[Block]:
 
 def _blocks(result: Result) -> Iterator[Block]:
     if result.misfit is not None:
+        yield Paragraph("TCP error: not claimed, since the model does not describe the measurements.")
         return
     entered = offered(result)
     offsets = [row for row in result.parameters if row.group == "offset"]
@@ -37,8 +40,7 @@ def _blocks(result: Result) -> Iterator[Block]:
     yield offsets_front(offsets, result.coverage_factor, *_to_enter(result, entered), doubted=doubted)
     if result.null_motion is not None:
         yield FigureBlock(NAME)
-    if entered is not None:
-        yield from tcp_bars(result, entered)
+    yield _tcp(result, entered)
     planned = RunCase.of_result(result).planned
     yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
     if result.null_motion is None:
@@ -63,7 +65,8 @@ def offsets_front(
     """The one table: joint, value, its U, and why it can be trusted or not; none is where something speaks
     against the values (`doubted`)."""
     columns = ["joint", head, f"± U ({numbers.coverage(k)})", "trusted"]
-    return table_of("", columns, [_row(row, k, entered, doubted=doubted) for row in offsets], "lrrl")
+    caption = "" if entered is None or entered.tcp_best is None else MAKE_UP
+    return table_of(caption, columns, [_row(row, k, entered, doubted=doubted) for row in offsets], "lrrl")
 
 
 def _row(row: ParameterResult, k: float, entered: Entered | None, *, doubted: bool) -> Row:
@@ -83,21 +86,22 @@ def _row(row: ParameterResult, k: float, entered: Entered | None, *, doubted: bo
         else (entered.values[row.name], k * entered.u[row.name])
     )
     if entered is not None and row.status == "identified" and entered.status.get(row.name) == "weak":
-        why = Cell("weak, the best for the TCP", mark="weak")
+        why = Cell("offset yes, value weak", mark="weak")
     if doubted and row.status == "identified":
         why = Cell("no: see what is to be done", mark="weak")
     return row_of(name, numbers.estimate(value, u, unit), numbers.spread(u, unit), why, tone=tone)
 
 
-def tcp_bars(result: Result, entered: Entered) -> Iterator[Bars]:
-    """The error of the TCP before and after the values are entered."""
-    if entered.tcp_before is None or entered.tcp_after is None:
-        return
+def _tcp(result: Result, offered: Entered | None) -> Block:
+    """The error of the TCP as it is, and with the values that are offered."""
+    entered = offered or result.entered
+    if entered is None or entered.tcp_before is None or entered.tcp_after is None:
+        return Paragraph("TCP error: not claimed, since it depends on what is not determined.")
     after = "entered" if taken_by(result.inputs.vendor) == "offsets" else "corrected"
-    yield Bars(
-        f"TCP error, median (95 %), {region_short(result.region)}",
-        (_bar("now", entered.tcp_before, "held"), _bar(after, entered.tcp_after, "identified")),
-    )
+    bars = [_bar("now", entered.tcp_before, "held")]
+    if offered is not None:
+        bars.append(_bar(after, entered.tcp_after, "identified"))
+    return Bars(f"TCP error, median (95 %), {region_short(result.region)} of joint ranges", bars)
 
 
 def _bar(name: str, error: TcpError, tone: str) -> Bar:

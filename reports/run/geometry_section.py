@@ -69,7 +69,11 @@ def geometry_section(result: Result) -> Section | None:
 
 def confounded_lines(result: Result) -> list[str]:
     """Of each offset of which the tolerances set most of the variance, why."""
-    offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
+    offsets = [
+        row
+        for row in result.parameters
+        if row.group == "offset" and row.status != "assumed" and row.std is not None
+    ]
     sentences = (
         confounded_sentence(result.geometry, row.name, row.tolerance_share, person)
         for row in sorted(offsets, key=lambda row: -(row.std or 0.0))

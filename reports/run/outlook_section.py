@@ -28,7 +28,11 @@ def outlook_blocks(
     those of the offsets, `planned` as of `plan_command`. Nothing where none gains anything."""
     if outlook is None or not outlook.worth:
         return []
-    shown = best_remedies(outlook) if brief else [outlook.now, *outlook.remedies]
+    shown = (
+        best_remedies(outlook)
+        if brief
+        else [outlook.now, *(row for row in outlook.remedies if row.gain >= 0)]
+    )
     units = {row.name: row.unit for row in rows if any(row.name in one.U for one in shown)}
     words = [remedy_words(one, outlook.now, units) for one in shown]
     if brief:

@@ -64,7 +64,7 @@ def _lead(result: Result) -> str:
         "By the GUM (JCGM 100:2008). A contribution is the standard uncertainty that its source alone"
         " gives the estimate, negative if it lowers the variance; in brackets is its share of the variance."
         " Of a joint and of an instrument it is the noise of the reading. Type A was evaluated from this"
-        " run’s residuals, type B was stated. Taken as exact, and so in no budget:"
+        " run’s residuals, type B was stated or assumed. Taken as exact, and so in no budget:"
         f" {listed([*exact, *held] or ['nothing'])}."
     )
     by_dof = max((budget.coverage_factor for budget in result.budget), default=0.0)

@@ -43,9 +43,12 @@ def tolerance_only(parameters: Sequence[JudgedParameter]) -> str | None:
 
 def _sentence(parameters: Sequence[JudgedParameter], directions: Sequence[NullDirection], what: str) -> str:
     lost = [label(row.name) for row in parameters if row.status == "unidentifiable"]
+    assumed = [label(row.name) for row in parameters if row.status == "assumed"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:
         text = f"{listed(lost)} {be(lost)} {NOT_DETERMINED}. No value is given, since any would be made up."
+    elif assumed:
+        text = f"{listed(assumed)} {be(assumed)} as good as what is assumed of tool and instruments."
     elif directions:
         text = (
             f"Every {what} that was not held has an estimate, but some combinations are only weakly"

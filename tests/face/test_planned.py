@@ -78,7 +78,7 @@ def test_a_check_says_it_all_and_what_to_change(best: zb.OptimalPlan) -> None:
         assert "…" not in shown
         for sentence in (content.verdict, content.cause, content.action.text):
             assert " ".join(sentence.split()) in " ".join(shown.split())
-    assert "predicted u: J2 (δ2) not determined →" in " ".join(repr(found).split())
+    assert "predicted U: J2 (δ2) not determined →" in " ".join(repr(found).split())
     assert "To do: Nothing needs to change." in repr(best)
 
 

@@ -60,8 +60,8 @@ def test_x_pattern_with_the_psd_straight_ahead() -> None:
         d for d in answer.identifiability.null_space if "delta2" in d.combination and d.kind == "exact"
     ]
     assert direction_remedy(null) == (
-        "vary joint 1 by 90° (rotated by −45°, 45° and 0° in turn, and aimed anew); predicted u: delta2 not"
-        " determined → 0.14° (still weak); then plan more measurements (zerobeam plan optimal --shots)"
+        "vary joint 1 by 90° (rotated by −45°, 45° and 0° in turn, and aimed anew); predicted U: delta2 not"
+        " determined → 0.27° (still weak); then plan more measurements"
     )
     # The others are told, if poorly.
     for name in ("delta3", "delta4", "delta5", "delta6"):

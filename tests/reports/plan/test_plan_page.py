@@ -101,7 +101,7 @@ def test_what_cannot_be_known_has_no_number_but_a_reason_and_a_remedy() -> None:
     # Negative control: a row that is told does have numbers.
     assert re.search(r"\d", page.row("J4 (δ4)")[2])
     for direction in answer["identifiability"]["null_space"]:
-        change, promise = direction["remedy"].split("; predicted u: ")
+        change, promise = direction["remedy"].split("; predicted U: ")
         assert change in page.words
         assert promise.split("→")[1] in page.words
     assert "Degenerate" in page.words
