@@ -193,6 +193,11 @@ class ArmChange:
     def _require_regular(self, before: Matrix, after: Matrix) -> None:
         if self.branch(before) != self.branch(after):
             raise NotConvertible("the arm would reach it in another configuration")
+        if self.language.unpublished and _sides_of_wrist(before) != _sides_of_wrist(after):
+            raise NotConvertible(
+                "joint 4 passes a quarter turn, or a joint half a turn, once converted: what the words of its"
+                " configuration say there is not published"
+            )
         least = max(LEAST_J5, 2 * float(np.abs(after - before)[4:5].max(initial=0.0)))
         if self.robot.n == 6 and min(abs(_folded(before[4])), abs(_folded(after[4]))) < least:
             raise NotConvertible(
@@ -203,6 +208,11 @@ class ArmChange:
             raise NotConvertible(
                 "the arm is at a singularity there: its pose does not say where all joints are"
             )
+
+
+def _sides_of_wrist(joints: Matrix) -> list[float]:
+    """On which side of 90 degrees joint 4 is, of half a turn each."""
+    return [*np.floor((joints + 180) / 360).tolist(), *np.floor((joints[3:4] + 90) / 180).tolist()]
 
 
 def _folded(angle: float) -> float:

@@ -150,7 +150,7 @@ def _statement(file: SourceFile, line: re.Match[str], reading: BackupReading) ->
         label = f"{words[0][0]}{words[0][1]}"
         if names[0] is None:
             reading.refuse(file, pos, f"{label}: which position is overwritten is not known before it runs")
-        elif not re.match(r"\s*SFTOF\b", text, _I):
+        else:
             reading.overwrites(file, pos, names[0], label)
         return None
     for name, (kind, number) in zip(names, words, strict=True):

@@ -318,8 +318,9 @@ class PositionLanguage:
     joints, degrees, with their branch have a stated configuration, `configuration` are its texts for joints.
     `up` and `by_joint2` are as of `Branches`. `null` are names of the tool and frame that are none; `form`
     shows what a pose is in options. `padded`: a number stands in the room of the old one, blanks before it
-    included. `mark` tells that a text is of the language, `beside` is the pattern of names of files that say
-    what the tools and frames of others are.
+    included. `unpublished`: which joints its words for a configuration stand for is not. `mark` tells that a
+    text is of the language, `beside` is the pattern of names of files that say what the tools and frames of
+    others are.
     """
 
     name: str
@@ -340,6 +341,7 @@ class PositionLanguage:
     by_joint2: bool = False
     unit: PendantUnit = "deg"
     padded: bool = False
+    unpublished: bool = False
     case_sensitive: bool = False
     mark: str = "(?!)"
     beside: str = "(?!)"

@@ -33,6 +33,7 @@ from .inform_reader import read_inform
 from .krl_reader import read_krl
 from .position import PositionLanguage
 from .rapid_reader import read_rapid
+from .spel_reader import read_spel
 
 
 def _numbers(angles: Callable[[Orientation], Sequence[float]]) -> Callable[[Matrix], Sequence[float]]:
@@ -139,6 +140,11 @@ FANUC = PositionLanguage(
 )
 
 
+def _within_half_a_turn(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    """Of languages whose words for a configuration are not interpreted: it has no further turns."""
+    return bool((np.abs(joints[[0, 3, 5]]) < 180 + _SLACK).all())
+
+
 def _none(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
     """Of languages that state no configuration."""
     return not texts
@@ -180,4 +186,21 @@ INFORM = PositionLanguage(
     mark=r"^/JOB\b",
     beside=r"uframe\.cnd",
 )
-LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM, AS)
+SPEL = PositionLanguage(
+    "SPEL+",
+    "epson",
+    (".pts", ".prg"),
+    read_spel,
+    remark=r"'[^\n]*",
+    pose=from_abc,
+    pose_numbers=_numbers(lambda turn: turn.abc),
+    form="X,Y,Z,U,V,W",
+    pose_decimals=(6,) * 6,
+    joint_decimals=6,
+    matches=_within_half_a_turn,
+    configuration=_shared,
+    by_joint2=True,
+    unpublished=True,
+    mark=r"^[ \t]*Function[ \t]+\w+|^[ \t]*Point\d+[ \t]*\{|^nNumberOfPoints=",
+)
+LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM, AS, SPEL)

@@ -16,6 +16,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from tempfile import mkdtemp
 
+import epson_controller
 import numpy as np
 import yaskawa_controller
 from controller_arm import ControllerArm
@@ -636,7 +637,83 @@ class As(Dialect):
         return _numbers(found[1] or found[2]), ()
 
 
-MADE = (Rapid(), Krl(), Fanuc(), Inform(), As())
+class Spel(Dialect):
+    """Points and a program of an arm of Epson with the lengths of another."""
+
+    name, main = "SPEL+", "robot1.pts"
+    tool_names, frame_names = ("0", "1", "3"), ("0", "2", "5")
+    near = np.array([15.0, 25.0, -75.0, 30.0, 50.0, -20.0])
+
+    def label(self, one: MadePosition) -> str:
+        return f"at{one.name}"
+
+    @cached_property
+    def robot(self) -> str:  # type: ignore[override]
+        return epson_controller.robot_file(Path(mkdtemp()))
+
+    def random_joints(self, rng: np.random.Generator) -> Matrix:
+        return np.asarray(self.near + np.round(rng.uniform(-12, 12, 6), 3))
+
+    def clear(self, joints: Matrix) -> float:
+        return float(joints[4])
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return [*configuration] in (["1", "1", "2"], [])
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        return _of_angles(numbers, "ZYX")
+
+    def options(self, backup: MadeBackup) -> dict[str, object]:
+        frames = [f"{n}={','.join(map(repr, _angles(pose, 'ZYX')))}" for n, pose in backup.frames.items()]
+        return {"near": ",".join(map(str, self.near)), "frames": frames, "accept": ["robot1.pts:1"]}
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        # A literal XY is of Local 0, and a literal is in no file of points.
+        literal = [one.in_joints or number % 3 == 2 for number, one in enumerate(backup.positions)]
+        pairs = zip(backup.positions, literal, strict=True)
+        backup.positions[:] = [replace(one, frame="0") if inline else one for one, inline in pairs]
+        sets = [
+            f"  TLSet {n}, XY({', '.join(f'{value:.6f}' for value in _angles(pose, 'ZYX'))})"
+            for n, pose in backup.tools.items()
+            if n != "0"
+        ]
+        points, body = [], ["  Motor On", "  Power Low", *sets]
+        for number, (one, inline) in enumerate(zip(backup.positions, literal, strict=True)):
+            body.append(f"  Tool {one.tool}")
+            if one.in_joints:
+                body.append(f"  Go JA({', '.join(f'{value:.6f}' for value in one.joints)}) ' {one.name}")
+                continue
+            values = [f"{value:.6f}" for value in _angles(self.pose(one, backup), "ZYX")]
+            if inline:
+                body.append(
+                    f"  {rng.choice(['Go', 'Move'])} XY({', '.join(values)}) /R /A /F CP ' {one.name}"
+                )
+                continue
+            fields = [f"nNumber={number}", f'sLabel="at{one.name}"', 'sDescription=""', "nUndefined=0"]
+            fields += [f"r{axis}={value}" for axis, value in zip("XYZUVW", values, strict=True)]
+            fields += ["rR=0", "rS=0", "rT=0", f"nLocal={one.frame}", "nHand=1", "nElbow=1", "nWrist=2"]
+            fields += ["nJ1Flag=0", "nJ4Flag=0", "nJ6Flag=0", "rJ1Angle=0", "bSimVisible=False"]
+            points += [f"Point{number + 1} {{", *(f"\t{field}" for field in fields), "}"]
+            goal = str(rng.choice([f"AT{one.name}", f"P{number}", f"P({number})"]))
+            body.append(f"  {rng.choice(['Go', 'Move', 'Jump'])} {goal}{rng.choice(['', ' CP', ' LJM'])}")
+        count = sum(line.startswith("Point") for line in points)
+        head = ["ENVT0100,1234567", "sVersion=1.0.0", "nNumberOfJoints=6", f"nNumberOfPoints={count}"]
+        lines = ["Global Preserve Integer n", "Function main", *body, "Fend", ""]
+        return {"robot1.pts": "\r\n".join([*head, *points, ""]), "Main.prg": "\r\n".join(lines)}
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        if (
+            line := re.search(rf"(?:JA|XY)\((.*?)\).* ' {one.name}\r$", texts["Main.prg"], re.MULTILINE)
+        ) is not None:
+            return _numbers(line[1]), ()
+        (block,) = re.findall(rf'sLabel="at{one.name}"([^}}]*)\}}', texts["robot1.pts"])
+        fields = dict(field.split("=") for field in block.split())
+        return [float(fields[f"r{axis}"]) for axis in "XYZUVW"], [
+            fields[f"n{w}"] for w in ("Hand", "Elbow", "Wrist")
+        ]
+
+
+MADE = (Rapid(), Krl(), Fanuc(), Inform(), As(), Spel())
 DIALECTS: dict[str, Dialect] = {each.name: each for each in MADE}
 
 

@@ -10,9 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from made_backups import DIALECTS, MadeBackup, kept, written
+from made_backups import DIALECTS, ENTERED, MadeBackup, kept, written
 
+from zerobeam.experiments.positions import arm_change
 from zerobeam.experiments.positions.position import BackupReading
 
 
@@ -56,6 +58,24 @@ CASES: dict[str, dict[str, Case]] = {
         "any of an array": Case("  DELAY 1", "  LMOVE a[.i]\r\n  DELAY 1", "a[.i] is computed"),
         "home": Case("  DELAY 1", "  HOME\r\n  DELAY 1", "HOME is stored in the controller"),
         "half a literal": Case("  DELAY 1", "  JMOVE #[1,2,3,4,5,\r\n  DELAY 1", "this position is not"),
+    },
+    "SPEL+": {
+        "lost points": Case("nNumberOfPoints=", "nNumberOfPoints=9", "nNumberOfPoints=9"),
+        "other arm": Case("nNumberOfJoints=6", "nNumberOfJoints=4", "nNumberOfJoints=4: there are"),
+        "turn": Case("nJ4Flag=0", "nJ4Flag=1", "5: Point 0 is not understood"),
+        "rest": Case("nNumberOfJoints=6\r\n", "nNumberOfJoints=6\r\nPoint9 {\r\n", "this position is"),
+        "pulses": Case("Fend", "  Pulse 1,2,3,4,5,6\r\nFend", "Pulse: pulses"),
+        "frame at run time": Case("Fend", "  Local 2, XY(1, 2, 3, 4)\r\nFend", "Local: pulses, frames"),
+        "tool at run time": Case("Fend", "  TLSet 2, P0 +X(1)\r\nFend", "TLSet: tools are set"),
+        "another branch": Case("Fend", "  Go P0 /L\r\nFend", "P0 /L: another configuration"),
+        "no orientation": Case("Fend", "  Go XY(1, 2, 3, 4)\r\nFend", "XY(1, 2, 3, 4) is not understood"),
+        "which one": Case("Fend", "  P(n) = Here\r\nFend", "P(n): which point is overwritten"),
+        "overwritten": Case("Fend", "  CX(P0) = 10\r\nFend", "the program overwrites the stored position P0"),
+        "relative": Case("Fend", "  Go P0 +Z(50)\r\nFend", "P0 +Z(50)"),
+        "step": Case("Fend", "  TMove XY(0,0,5,0)\r\nFend", "TMove"),
+        "computed": Case("Fend", "  Go P(n)\r\nFend", "P(n) is computed"),
+        "here": Case("Fend", "  Go Here +Z(50)\r\nFend", "Here +Z(50) is computed"),
+        "call": Case("Fend", "  Call pick(P0)\r\nFend", "P0 is used by this"),
     },
 }
 
@@ -124,3 +144,19 @@ def test_a_variable_of_inform_that_the_job_computes_is_refused(tmp_path: Path) -
         assert [one.sentence for one in answer.refused] == [sentence]
     backup.texts[name] = text.replace("NOP\r\n", "NOP\r\nMOVJ P001 VJ=1.00\r\n")
     assert len(kept(written(backup, tmp_path), backup.dialect.robot, **backup.options).positions) == 3
+
+
+def test_words_that_are_not_published_must_not_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dialect = DIALECTS["SPEL+"]
+    near = np.array([15.0, 25.0, -75.0, 90.05, 50.0, -20.0])
+    monkeypatch.setattr(dialect, "near", near)
+    monkeypatch.setattr(dialect, "random_joints", lambda rng: near)
+    backup = dialect.made(11, 2)
+    said = [one.sentence for one in kept(written(backup, tmp_path), dialect.robot, **backup.options).refused]
+    assert said
+    assert all("joint 4 passes a quarter turn" in sentence for sentence in said)
+    assert kept(tmp_path, dialect.robot, -ENTERED, **backup.options).converted
+    monkeypatch.setattr(arm_change, "_sides_of_wrist", lambda joints: [])
+    assert kept(tmp_path, dialect.robot, **backup.options).converted

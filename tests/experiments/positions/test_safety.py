@@ -222,7 +222,9 @@ def test_another_makers_backup_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("language", DIALECTS)
 def test_nothing_is_written_in_part(language: str, tmp_path: Path) -> None:
     backup: MadeBackup = DIALECTS[language].made(7)
-    name = next(name for name in backup.texts if name.lower().endswith(("mod", "src", "ls", "jbi", "as")))
+    name = next(
+        name for name in backup.texts if name.lower().endswith(("mod", "src", "ls", "jbi", "as", "prg"))
+    )
     bad = {
         "RAPID": (
             "ENDPROC",
@@ -231,6 +233,7 @@ def test_nothing_is_written_in_part(language: str, tmp_path: Path) -> None:
         "KRL": ("END\r\n", "PTP XP99\r\nLIN {X 1,Y 2,Z 3,A 4,B 5,C 6}\r\nEND\r\n"),
         "TP": ("/POS", "  99:L P[99] 100mm/sec FINE INC    ;\n/POS"),
         "AS": ("  DELAY 1", "  JMOVE #nowhere\r\n  DELAY 1"),
+        "SPEL+": ("Fend", "  Go P99\r\nFend"),
         "INFORM": ("NOP\r\n", "NOP\r\nMOVL C00099 V=10.0\r\n"),
     }[language]
     backup.texts[name] = backup.texts[name].replace(*bad)
