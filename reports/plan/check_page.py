@@ -13,7 +13,7 @@ from ...words import numbers
 from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import check_lines, worth_sentence
 from ...words.numbers import unit_of
-from ...words.observability import outlook_lines
+from ...words.observability import outlook_lines, remaining
 from ...words.plan_catalogue import plan_headline, plan_message, planned_anew
 from ...words.plan_words import check_notes
 from ...words.trust import trusted
@@ -63,14 +63,15 @@ def check_page(check: Check, *, full: bool = False) -> Page:
 
 def proposal_page(made: MadePlan, *, full: bool = False) -> Page:
     """The answer of `plan`: what is read first, efficiency and travel; if `full` also predicted
-    uncertainties, and what removed candidates."""
+    uncertainties, what removed candidates, and what can be hidden beyond the cautions."""
     check, sentences = made.checked, list(made.sentences)
     if check is None:
         return plain_page("", *map(Paragraph, sentences))
     offsets = [row for row in check.parameters if row.group == "offset"]
     worth = worth_sentence(check.geometry, offsets)
     if not full:
-        return _page(check, *map(Paragraph, sentences))
+        cautioned = remaining(check.power)
+        return _page(check, *(Paragraph(each) for each in sentences if each not in cautioned))
     if made.proposal is not None:
         sentences.append(f"{made.removed}.")
     return _page(
