@@ -26,9 +26,11 @@ _URDF = ("export urdf", "corrected.urdf")
 # Whose programs `zerobeam positions` reads, by the endings of their files.
 POSITIONS = {
     "abb": ".mod, .prg, .sys",
+    "epson": ".pts, .prg",
     "fanuc": ".ls, .va",
     "kawasaki": ".as, .pg",
     "kuka": ".src, .dat",
+    "mitsubishi": ".prg, .mb5",
     "yaskawa": ".jbi",
 }
 _NO_OFFSETS = ("denso", "doosan", "franka", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")

@@ -31,6 +31,7 @@ from .as_reader import read_as
 from .fanuc_reader import read_fanuc
 from .inform_reader import read_inform
 from .krl_reader import read_krl
+from .melfa_reader import read_melfa
 from .position import PositionLanguage
 from .rapid_reader import read_rapid
 from .spel_reader import read_spel
@@ -203,4 +204,22 @@ SPEL = PositionLanguage(
     unpublished=True,
     mark=r"^[ \t]*Function[ \t]+\w+|^[ \t]*Point\d+[ \t]*\{|^nNumberOfPoints=",
 )
-LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM, AS, SPEL)
+MELFA = PositionLanguage(
+    "MELFA-BASIC",
+    "mitsubishi",
+    (".prg", ".mb4", ".mb5", ".mb6"),
+    read_melfa,
+    remark=r"'[^\n]*",
+    pose=from_rpy,
+    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
+    form="X,Y,Z,A,B,C",
+    pose_decimals=(4,) * 6,
+    joint_decimals=4,
+    matches=_within_half_a_turn,
+    configuration=_shared,
+    null=frozenset({"0", "p_ntool"}),
+    by_joint2=True,
+    unpublished=True,
+    mark=r"^[ \t]*(?:\d+[ \t]+)?(?:Mov|Mvs)[ \t]+[\w(]|^[PJ]\w*(?:\(\d+\))?=\([-+.\d]",
+)
+LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM, AS, SPEL, MELFA)

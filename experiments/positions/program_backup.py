@@ -15,6 +15,7 @@ from .position import BackupReading, PositionLanguage, RefusedLine, SourceFile
 from .position_languages import LANGUAGES
 
 AUDIT = "audit.json"
+_PROGRAM = r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|mb[456])$"
 _MOST_FILES = 20_000
 
 
@@ -68,7 +69,9 @@ def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Se
     reading.refused += [
         line
         for line in unread
-        if re.search(r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|dtx|pcs|drl|script)$", line.file.name, re.I)
+        if re.search(
+            r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|dtx|pcs|drl|script|mb[456])$", line.file.name, re.I
+        )
     ]
     return reading.of(chosen).finished()
 

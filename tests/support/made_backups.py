@@ -713,7 +713,58 @@ class Spel(Dialect):
         ]
 
 
-MADE = (Rapid(), Krl(), Fanuc(), Inform(), As(), Spel())
+class Melfa(Dialect):
+    """A program of an RV-4FRL with its variables; flags of a position stay as they are."""
+
+    name, robot, main = "MELFA-BASIC", "rv4frl", "WORK.PRG"
+    joint_digit = 1e-4
+    tool_names, frame_names = ("P_NTool", "PGrip", "PTorch"), ("0",)
+    near = np.array([15.0, 25.0, 75.0, 30.0, 50.0, -20.0])
+
+    def random_joints(self, rng: np.random.Generator) -> Matrix:
+        return np.asarray(self.near + np.round(rng.uniform(-12, 12, 6), 3))
+
+    def clear(self, joints: Matrix) -> float:
+        return float(joints[4])
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return [*configuration] in (["7", "0"], [])
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        return _of_angles(numbers, "xyz")
+
+    def options(self, backup: MadeBackup) -> dict[str, object]:
+        return {"near": ",".join(map(str, self.near))}
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        def values(pose: Matrix) -> str:
+            return ",".join(f"{value:+.4f}" for value in _angles(pose, "xyz"))
+
+        used = sorted({one.tool for one in backup.positions} - {"P_NTool"})
+        stored, body = [f"{n}=({values(backup.tools[n])})(7,0)" for n in used], []
+        for one in backup.positions:
+            body.append(f"Tool {one.tool if rng.random() < 0.5 else one.tool.upper()}")
+            if one.in_joints:
+                stored.append(f"J{one.name[1:]}=({','.join(f'{value:+.4f}' for value in one.joints)})")
+                body.append(f"Mov J{one.name[1:]}")
+            elif rng.random() < 0.3:
+                body.append(f"Mvs ({values(self.pose(one, backup))})(7,0) ' {one.name} Mov P9")
+            else:
+                name = one.name if rng.random() < 0.5 else f"PA({one.name[1:]})"
+                stored.append(f"{name}=({values(self.pose(one, backup))},+0.00,+0.00)(7,0)")
+                body.append(f"{rng.choice(['Mov', 'Mvs'])} {name} {rng.choice(['', 'Wth M_Out(1)=1'])}")
+        lines = [f"{number} {line}" for number, line in enumerate([*body, "Dly 0.5", "End"], start=1)]
+        return {"WORK.PRG": "\r\n".join([*lines, *stored, ""])}
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        n = one.name[1:]
+        line = rf"^(?:P{n}|PA\({n}\)|J{n})=\((.*?)\)(.*)$|^\d+ Mvs \((.*?)\)(\(.*\)) ' P{n} Mov P9\r$"
+        found = re.search(line, texts["WORK.PRG"], re.MULTILINE)
+        assert found is not None
+        return _numbers(found[1] or found[3])[:6], re.findall(r"\d+", found[2] or found[4] or "")
+
+
+MADE = (Rapid(), Krl(), Fanuc(), Inform(), As(), Spel(), Melfa())
 DIALECTS: dict[str, Dialect] = {each.name: each for each in MADE}
 
 

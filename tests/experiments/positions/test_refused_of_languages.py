@@ -77,6 +77,21 @@ CASES: dict[str, dict[str, Case]] = {
         "here": Case("Fend", "  Go Here +Z(50)\r\nFend", "Here +Z(50) is computed"),
         "call": Case("Fend", "  Call pick(P0)\r\nFend", "P0 is used by this"),
     },
+    "MELFA-BASIC": {
+        "damaged": Case("Dly 0.5", "P9=(+1.00,+2.00", "P9: this position is not understood"),
+        "five numbers": Case("Dly 0.5", "P9=(1,2,3,4,5)(7,0)", "P9 has 5 numbers"),
+        "turns": Case("Dly 0.5", "P9=(1,2,3,4,5,6)(7,1)", "P9: turns of joints"),
+        "external axis": Case("Dly 0.5", "J9=(1,2,3,4,50,6,7)", "J9 has positions of external axes"),
+        "base": Case("Dly 0.5", "Base P9", "Base: tools, frames or pallets"),
+        "tool by number": Case("Dly 0.5", "M_Tool=2", "M_Tool=: tools, frames"),
+        "system": Case("Dly 0.5", "P_Tool=P9", "P_Tool=: tools, frames"),
+        "which one": Case("Dly 0.5", "PA(M1)=P_Curr", "PA(M1): which position is overwritten"),
+        "relative": Case("Dly 0.5", "Mov J9, -50", "Mov J9, -50"),
+        "compound": Case("Dly 0.5", "Mov P8*P9", "P8*P9 is computed"),
+        "computed": Case("Dly 0.5", "Mov PB(M1)", "PB(M1) is computed"),
+        "elsewhere": Case("Dly 0.5", "If M1=1 Then Mov P_99", "P_99 is computed"),
+        "offset": Case("Dly 0.5", "P9=(1,2,3,4,5,6)(7,0)", "no statement of the backup moves to P9"),
+    },
 }
 
 

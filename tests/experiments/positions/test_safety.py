@@ -234,6 +234,7 @@ def test_nothing_is_written_in_part(language: str, tmp_path: Path) -> None:
         "TP": ("/POS", "  99:L P[99] 100mm/sec FINE INC    ;\n/POS"),
         "AS": ("  DELAY 1", "  JMOVE #nowhere\r\n  DELAY 1"),
         "SPEL+": ("Fend", "  Go P99\r\nFend"),
+        "MELFA-BASIC": ("Dly 0.5", "Mov P99"),
         "INFORM": ("NOP\r\n", "NOP\r\nMOVL C00099 V=10.0\r\n"),
     }[language]
     backup.texts[name] = backup.texts[name].replace(*bad)
