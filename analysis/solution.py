@@ -49,7 +49,8 @@ from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
 from .recordings.resting import resting_columns
 from .recordings.steps import RecordingSteps, steps
-from .status import ParameterRow, Status, Verdict, has_numbers, verdict_of, with_misfit
+from .row import ParameterRow
+from .status import Status, Verdict, has_numbers, verdict_of, with_misfit
 
 if TYPE_CHECKING:
     import pandas as pd

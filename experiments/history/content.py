@@ -18,7 +18,8 @@ from pydantic import AfterValidator
 
 from ...analysis.answer.answer_message import Grade, May
 from ...analysis.covariance import OffsetsWithoutPrior
-from ...analysis.status import ParameterRow, Verdict, has_numbers
+from ...analysis.row import ParameterRow
+from ...analysis.status import Verdict, has_numbers
 from ...model.arrays import Matrix
 from ...model.errors import UnsoundResult
 from ...model.records import if_any, internal, it, or_null, read, record
