@@ -13,20 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..analysis.analyse import Analysis
 from ..analysis.analyse_options import AnalyseOptions
-from ..analysis.covariance import ValuesByName
+from ..analysis.covariance import ValuesByName, frame
 from ..analysis.estimation.robust import Loss
 from ..analysis.status import UNVALIDATED, caveat
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..model.options import checked_options, require_number
-from ..reports.run.brief_page import page_of
+from ..reports.run.brief_page import front_page
 from ..reports.run.parameter_section import draw_offsets, offsets_picture, offsets_table, parameter_table
 from ..reports.run.posterior_summary import draw_posterior, posterior_picture
 from ..reports.run.report import ReportPaths, write_report
 from ..reports.run.residuals import draw_residuals, residuals_picture
 from ..reports.run.run_scene import run_turnable
-from ..reports.style.blocks import Page, section_of
+from ..reports.style.blocks import Page
 from ..words.finding_words import likelihood_message, posterior_message
 from ..words.message import offered
 from ..words.sentences import to_json
@@ -78,7 +78,9 @@ class Analysed(ShownPage, Analysis):
     data, residuals : pandas.DataFrame
         What was recorded and what the fit leaves, a row for each measurement.
     posterior : xarray.Dataset
-        The draws of what the data determine, as ArviZ takes them.
+        The draws of what the data determine, as ArviZ takes them; `to_arviz()` has them as InferenceData.
+    jacobian, rank, condition
+        The whitened Jacobian at the estimate, its rank, its condition number.
     plot : Plots
         Figures that show themselves in a notebook.
     run : Run
@@ -170,6 +172,61 @@ class Analysed(ShownPage, Analysis):
         if not self.draws.converged:
             warnings.warn(posterior_message(self.result.posterior), UnconvergedPosterior, stacklevel=2)
         return dataset
+
+    def to_arviz(self) -> xr.DataTree:
+        """The draws as ArviZ's InferenceData: a tree with `posterior` as its group.
+
+        Raises
+        ------
+        BadInput
+            As for `posterior`.
+
+        Examples
+        --------
+        >>> import zerobeam as zb
+        >>> from zerobeam.experiments.demos import demo_runs
+        >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+        >>> list(sol.to_arviz().posterior.data_vars)[:2]
+        ['delta2', 'delta3']
+        """
+        dataset = self.posterior
+        import xarray as xr
+
+        return xr.DataTree.from_dict({"posterior": dataset})
+
+    @property
+    def rank(self) -> int:
+        """How many directions the data determine better than their priors, what has a tolerance counted in
+        (`identifiability.rank`)."""
+        return self.result.identifiability.rank
+
+    @property
+    def condition(self) -> float | None:
+        """The condition number of `jacobian`, what has a tolerance eliminated; None where it is singular."""
+        return self.result.identifiability.condition
+
+    @property
+    def jacobian(self) -> pd.DataFrame:
+        """The whitened Jacobian at the estimate (M, p): residuals in their standard deviations, measurement
+        by measurement, by the free parameters in units of their priors' standard deviations. BadInput
+        without pandas.
+
+        Exact, from the symbolic model. A direction whose singular value is below 1 is known better by its
+        priors than by the measurements.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import zerobeam as zb
+        >>> from zerobeam.experiments.demos import demo_runs
+        >>> sol = zb.analyse(zb.read_run(demo_runs()[1].path), ess=100)
+        >>> sol.rank < sol.jacobian.shape[1], sol.condition is None
+        (True, True)
+        """
+        problem, free = self.problem, self.problem.parameters.free
+        whitened = problem.whiten(self.fit.x).jacobian[:, free]
+        names = [item.name for item, is_free in zip(problem.parameters.items, free, strict=True) if is_free]
+        return frame({name: whitened[:, k] for k, name in enumerate(names)})
 
     def profile(self, name: str, *, size: int = 31, width: float = 3.0) -> Profile:
         """The profile of a parameter: how the posterior falls while all others are at their best.
@@ -362,8 +419,7 @@ class Analysed(ShownPage, Analysis):
     def _page(self) -> Page:
         inputs = self.result.inputs
         subtitle = f"{counted(inputs.shots, 'measurement')}, {clipped(inputs.robot)}"
-        sections = [section_of("", offsets_table(self.result))]
-        return page_of(f"Solution of {clipped(inputs.run, 60)}", subtitle, self.result, sections)
+        return front_page(self.result, f"Solution of {clipped(inputs.run, 60)}", subtitle)
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
 from ..model.files.robot_file import built_in_robots
 from ..model.options import USUAL_REPEATS, checked_options, require_number
-from ..reports.plan.check_page import predicted_table
+from ..reports.plan.check_page import check_front, predicted_table
 from ..reports.plan.plan_page import plan_turnable, postures_of
-from ..reports.style.blocks import Page, Verdict, section_of
+from ..reports.style.blocks import Page, Verdict
 from ..words import numbers
 from ..words.geometry_words import check_lines
 from ..words.message import message
@@ -122,8 +122,9 @@ class CheckedPlan(ShownPage, Check):
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
             Verdict(content.grade or "held", "", ""),
             check_lines(self),
-            [section_of("", self.offsets.table)],
+            [],
             message=content,
+            front=check_front(self),
         )
 
 

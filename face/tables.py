@@ -50,7 +50,7 @@ class ShownPage(ABC):
 
     def _repr_html_(self) -> str:
         page = self._page()
-        blocks = [block for section in page.sections for block in section.all]
+        blocks = [*page.front, *(block for section in page.sections for block in section.all)]
         return card(page, [block for block in blocks if isinstance(block, Table)])
 
 

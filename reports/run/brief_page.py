@@ -70,9 +70,9 @@ def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Sectio
     )
 
 
-def front_page(result: Result) -> Page:
+def front_page(result: Result, title: str = "", subtitle: str = "") -> Page:
     """The answer of `analyse`: what is read first."""
-    return replace(page_of("", "", result), sections=[])
+    return replace(page_of(title, subtitle, result), sections=[])
 
 
 def brief_page(result: Result) -> Page:
