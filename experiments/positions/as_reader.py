@@ -118,9 +118,9 @@ def _transform(
         reading.frame(file, line.start(), what, name, from_zyz(numbers))
         return name
     reading.added.add(name)
-    found = [one for one in reading.positions if one.name == name and one.kind == "pose"]
-    if found and (what, name) not in reading.frames:
-        reading.frame(found[0].file, found[0].spans[0][0], what, name, from_zyz(found[0].values))
+    poses = [one for one in reading.positions if one.name == name and one.kind == "cartesian"]
+    if poses and (what, name) not in reading.frames:
+        reading.frame(poses[0].file, poses[0].spans[0][0], what, name, from_zyz(poses[0].values))
     return name if _NAME.fullmatch(put[2]) and not name.startswith(".") else None
 
 

@@ -30,7 +30,7 @@ class PositionRow:
     file: Annotated[str, it("its path in the backup")]
     line: Annotated[int, it("of its first number, from 1")]
     name: Annotated[str, it("as its controller calls it")]
-    kind: Annotated[Literal["pose", "joints"], it("what its numbers are")]
+    kind: Annotated[Literal["cartesian", "joints"], it("what its numbers are")]
     tool: Annotated[str | None, it("that it is used with, null of joints or where nothing says it")]
     frame: Annotated[str | None, it("the same of its work object, base or user frame")]
     configuration: Annotated[str | None, it("that it states")]
@@ -215,7 +215,7 @@ def shown_backup(backup: Backup) -> Conversion:
     frames = _Frames(backup.reading, backup.language, StatedFrames())
     refused = [Refusal(one.file.name, one.line, one.sentence) for one in backup.reading.refused]
     for one in backup.reading.positions:
-        if one.kind == "pose":
+        if one.kind == "cartesian":
             try:
                 frames.of(one)
             except NotConvertible as error:
@@ -249,7 +249,7 @@ def converted_backup(
     none = PositionFrames(np.eye(4), np.eye(4), np.eye(4))
     for number, one in enumerate(reading.positions):
         try:
-            pair = frames.of(one) if one.kind == "pose" else (none, none)
+            pair = frames.of(one) if one.kind == "cartesian" else (none, none)
             if pair is not None:
                 moved[number] = (arm.moved(one, *pair), *pair)
         except NotConvertible as error:
@@ -306,8 +306,8 @@ def _row(
         one.line,
         one.label,
         one.kind,
-        one.tool if one.kind == "pose" else None,
-        one.frame if one.kind == "pose" else None,
+        one.tool if one.kind == "cartesian" else None,
+        one.frame if one.kind == "cartesian" else None,
         ", ".join(one.configuration) or None,
         one.values,
         None if each is None else each.values,
@@ -345,7 +345,7 @@ def _shift(
     position that it starts at, or where nothing says that from the one that is converted most."""
     if one.kind != "relative":
         return None
-    poses = [number for number in moved if reading.positions[number].kind == "pose"]
+    poses = [number for number in moved if reading.positions[number].kind == "cartesian"]
     starts = [number for number in poses if reading.positions[number].name == one.name]
     starts = starts or sorted(poses, key=lambda number: -moved[number][0].moved_mm)[:1]
     if not starts:
@@ -479,7 +479,7 @@ def _inverts(
 
 
 def _decimals(one: TaughtPosition, language: PositionLanguage) -> tuple[int, ...]:
-    return language.pose_decimals if one.kind == "pose" else (language.joint_decimals,) * len(one.values)
+    return language.pose_decimals if one.kind == "cartesian" else (language.joint_decimals,) * len(one.values)
 
 
 def _between(one: Matrix, other: Matrix) -> tuple[float, float]:

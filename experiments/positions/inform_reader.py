@@ -49,10 +49,10 @@ def _job(file: SourceFile, reading: BackupReading) -> None:
     counts = _COUNTS.search(file.bare)
     if list(parts) != ["POS", "INST", "END"] or counts is None:
         return reading.refuse(file, 0, "this is no whole job: //POS, ///NPOS, //INST and END are its parts")
-    found = _positions(file, parts["POS"].end(), parts["INST"].start(), reading)
-    if found != (int(counts[1]), int(counts[2])):
+    counted = _positions(file, parts["POS"].end(), parts["INST"].start(), reading)
+    if counted != (int(counts[1]), int(counts[2])):
         reading.refuse(
-            file, counts.start(), f"///NPOS states {counts[1]} C and {counts[2]} P; there are {found}"
+            file, counts.start(), f"///NPOS states {counts[1]} C and {counts[2]} P; there are {counted}"
         )
     for line in re.finditer(r"[^\n]+", file.bare[: parts["END"].start()]):
         if line.start() > parts["INST"].end():

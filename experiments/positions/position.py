@@ -77,7 +77,7 @@ class TaughtPosition:
     name: str
     label: str
     line: int
-    kind: Literal["pose", "joints"]
+    kind: Literal["cartesian", "joints"]
     spans: tuple[Span, ...]
     tool: str | None = None
     frame: str | None = None
@@ -176,7 +176,7 @@ class BackupReading:
                 file, pos, f"{label} has positions of external axes, which may carry the arm or the work"
             )
             return
-        kind: Literal["pose", "joints"] = "pose" if axes is None else "joints"
+        kind: Literal["cartesian", "joints"] = "cartesian" if axes is None else "joints"
         one = TaughtPosition(file, name, label, file.line(pos), kind, tuple(spans), **others)
         one = replace(one, axes=tuple(axes or ()), configuration_spans=tuple(configuration))
         self.positions.append(one)
@@ -278,7 +278,7 @@ class BackupReading:
         kinds: tuple[What, ...] = ("tool", "frame")
         names = {what: sorted(uses.get((one.name, what), ())) for what in kinds}
         for what, values in names.items():
-            if getattr(one, what) is None and len(values) > 1 and one.kind == "pose":
+            if getattr(one, what) is None and len(values) > 1 and one.kind == "cartesian":
                 several = f"{one.label} is used with several {what}s: {', '.join(values)}"
                 self.refused.append(RefusedLine(one.file, one.line, several))
         tool, frame = (next(iter(names[what]), None) for what in kinds)

@@ -176,10 +176,10 @@ def _goal(
     name = f"p{int(name[1:])}" if re.fullmatch(r"p\d+", name) else name
     if match["other"].strip():
         reading.refuse(file, pos, f"{goal[:40]}: another configuration or frame than the point has")
-    found = names.get(name, [name])
+    several = names.get(name, [name])
     if match["added"].strip():
         shifts = _SHIFT.findall(match["added"])
         plain = len(shifts) == len(re.findall(r"\(", match["added"]))
         by = tuple(sum(float(s + v) for s, a, v in shifts if a.upper() == axis) for axis in "XYZ")
-        reading.doubt(file, pos, "relative", goal[:40], found[0], by if plain else None)
-    return reading.moves(file, pos, found, tool)
+        reading.doubt(file, pos, "relative", goal[:40], several[0], by if plain else None)
+    return reading.moves(file, pos, several, tool)
