@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..experiments.makers.format_options import ExportOptions
 from ..experiments.positions.positions_options import BackupOptions, ZeroOptions
 from ..model.options import Option, argument
 from .console import out as console
@@ -57,16 +58,17 @@ def reach(
     run: Annotated[Path, Option("Run with the calibration of the arm.", metavar="RUN")],
     *,
     choices: BackupOptions,
+    options: ExportOptions,
     as_json: Json = False,
 ) -> None:
-    """Nothing is entered at the controller: calculated positions are rewritten so that the arm reaches them.
+    """Nothing is entered at the controller: calculated poses are rewritten so that the arm reaches them.
 
-    For positions that were calculated, by CAM or offline programming. Those that were taught on this arm hold
-    its errors already: leave them out.
+    For poses that were calculated, by CAM or offline programming. Those that were taught on this arm hold
+    its errors already: leave their files out. Positions in joints stay.
     """
     from ..experiments.converted_programs import reached_programs
 
-    _write(reached_programs(backup, run, choices, folder), folder, as_json)
+    _write(reached_programs(backup, run, choices, options, folder), folder, as_json)
 
 
 @positions.of_options("restore")

@@ -17,9 +17,11 @@ from ..model.files.run import Run, read_run
 from ..model.kinematics.orientation import stated_numbers
 from ..model.kinematics.pendant import Pendant, pendant_of
 from ..model.kinematics.robot import Robot
-from ..words.provenance import KEYS, SERIAL, by_plain_key, provenance_entry
-from .makers.calibration import RobotCalibration, calibration
+from ..words.provenance import is_simulated
+from ..words.wording import listed
+from .makers.calibration import RobotCalibration, calibration, require_nominal_arm
 from .makers.fanuc.backup import read_fanuc_backup
+from .makers.format_options import ExportOptions
 from .makers.maker import require_vendor, vendor_of
 from .makers.universal_robots.kinematics import require_factory_arm
 from .positions.arm_change import ArmChange, kept, reached, up_to_flange
@@ -74,12 +76,39 @@ def kept_programs(
     return _converted(path, robot, run, choices, lambda arm: (change, undo), about, out, judged)
 
 
-def reached_programs(path: Path, run: Path, choices: BackupOptions, out: Path | None = None) -> Conversion:
-    """The backup with calculated positions for the true arm of a run: nothing was entered."""
+def reached_programs(
+    path: Path, run: Path, choices: BackupOptions, options: ExportOptions, out: Path | None = None
+) -> Conversion:
+    """The backup with calculated poses for the true arm of a run: nothing was entered.
+
+    The run is judged as by `export`. Besides, BadInput where it is simulated, as no program can say so, and
+    where an offset is as good as what is assumed, unless `options` allow or exclude it.
+    """
     recorded = read_run(run)
+    if is_simulated(recorded.header.provenance):
+        raise BadInput(
+            "the run is simulated: no robot was measured, and the positions of none are corrected by it",
+            remedy="name the run of the robot that this backup is of",
+            file=run,
+        )
     if vendor_of(recorded.robot) == "universal-robots":
         require_factory_arm(recorded)
-    judged = calibration(recorded, holds="postures")
+    how = {**vars(options)}
+    held_out = how.pop("hold_out")
+    judged = calibration(
+        recorded, **how, held_out=None if held_out is None else read_run(held_out), holds="postures"
+    )
+    assumed = [
+        one for one in judged.offsets if one.status == "assumed" and not (one.exported or one.left_out)
+    ]
+    if assumed:
+        raise BadInput(
+            f"{listed([one.name for one in assumed])} is not known, and turns the true arm's flange",
+            found="; ".join(one.sentence for one in assumed),
+            remedy="state how well tool and instruments are known; or --allow-assumed; or exclude by name: "
+            + " ".join(f"--without {one.name}" for one in assumed),
+            file=run,
+        )
 
     def changes(nominal: Robot) -> tuple[Callable[[Matrix], Matrix], Callable[[Matrix], Matrix]]:
         offsets = np.array([one.applied_rad for one in judged.offsets])
@@ -87,7 +116,21 @@ def reached_programs(path: Path, run: Path, choices: BackupOptions, out: Path | 
         return reached(nominal, true, offsets, judged.posture_offsets)
 
     about = _about("reach", recorded.robot, recorded, f"the calibration of {recorded.path.name}")
+    about = replace(about, notes=(*_uncorrected(judged), *(one.sentence for one in judged.offsets)))
     return _converted(path, recorded.robot, recorded, choices, changes, about, out, judged)
+
+
+def _uncorrected(judged: RobotCalibration) -> list[str]:
+    """What a joint that stays as it is leaves of each pose."""
+    stay = [number for number, one in enumerate(judged.offsets, start=1) if not one.exported]
+    holds = {
+        1: ", but for frames that were measured by this arm",
+        6: ", but for tools that were measured on it",
+    }
+    return [
+        f"Joint {number} is not corrected: the arm's poses stay off by its error{holds.get(number, '')}."
+        for number in stay
+    ]
 
 
 def _robot(name: str | None, run: Run | None) -> Robot:
@@ -97,9 +140,12 @@ def _robot(name: str | None, run: Run | None) -> Robot:
             allowed="--robot NAME or FILE with --entered or mastering; --run RUN alone",
         )
     if run is not None:
+        require_nominal_arm(run.header.robot, run.path.parent)
         return run.robot
     assert name is not None
-    return load_robot(name)
+    robot = load_robot(name)
+    require_nominal_arm(name, Path())
+    return robot
 
 
 def _about(command: Literal["keep", "reach"], robot: Robot, run: Run | None, source: str) -> Conversion:
@@ -155,19 +201,19 @@ def _converted(
     folder = path if path.is_dir() else path.parent
     beside = [] if out is None else [out.parent, out]
     require_not_converted(backup, folder, folder.parent, *beside)
-    _require_this_arm(backup, robot, run)
+    _require_this_model(backup, robot)
     nominal = up_to_flange(robot, robot)
     pendant = pendant_of(robot, choices.j3, "fanuc") if language.vendor == "fanuc" else Pendant(robot)
     near = None
     if choices.near is not None:
         near = pendant.between_links(np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…")))
-    arm = ArmChange(nominal, language, pendant, *changes(nominal), near)
+    arm = ArmChange(nominal, language, pendant, *changes(nominal), near, about.command == "reach")
     frames = StatedFrames(
         _poses(choices.tools, choices.frames, "", language),
         _poses(choices.new_tools, choices.new_frames, "new-", language),
         None if choices.base is None else _pose(choices.base, "--base", language)[1],
     )
-    notes = [note for note in (vendor, pendant.counting) if note]
+    notes = [*about.notes, *(note for note in (vendor, pendant.counting) if note)]
     if frames.base is None and backup.reading.base is None:
         notes.append(_ROBROOT)
     if judged is not None:
@@ -176,9 +222,9 @@ def _converted(
     return converted_backup(backup, arm, frames, _accepted(choices.accept), about)
 
 
-def _require_this_arm(backup: Backup, robot: Robot, run: Run | None) -> None:
-    """BadInput where the backup is of another model or of an arm with another serial number."""
-    model, serial = backup.reading.model, backup.reading.serial
+def _require_this_model(backup: Backup, robot: Robot) -> None:
+    """BadInput where the backup is of another model."""
+    model = backup.reading.model
     if model is not None and not _alike(model[2], robot.name):
         raise BadInput(
             "the backup is of another model",
@@ -186,16 +232,6 @@ def _require_this_arm(backup: Backup, robot: Robot, run: Run | None) -> None:
             remedy="name the arm of this backup; if it is this one, give its robot file that name (name: …)",
             file=model[0].name,
             line=model[1],
-        )
-    if serial is None or run is None:
-        return
-    of_run = provenance_entry(by_plain_key(run.header.provenance), KEYS[SERIAL])
-    if of_run and _plain(of_run) != _plain(serial[2]):
-        raise BadInput(
-            "the backup is of another arm",
-            found=f"serial number {serial[2]}; that of the run is {of_run}",
-            file=serial[0].name,
-            line=serial[1],
         )
 
 

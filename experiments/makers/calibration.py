@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import field
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -30,6 +31,7 @@ from ...analysis.solution import ParameterResult, ParameterTable, Solution, requ
 from ...analysis.status import Status, known, versions
 from ...model.arrays import Matrix
 from ...model.errors import BadInput, FitFailed, located
+from ...model.files.header import UrdfRef
 from ...model.files.robot_file import robot_path
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
@@ -401,16 +403,9 @@ def calibration(
     """
     # One thread, as in `analyse`: the last bits depend on it.
     with one_blas_thread(), located(run.path, run.header_line):
-        corrected_before = _corrected_before(run)
-        if corrected_before and holds == "postures":
-            raise BadInput(
-                "the robot file of this run is a corrected arm already: this run does not determine how to"
-                " correct programs of a controller that computes with the nominal arm",
-                found=f"robot: {corrected_before}, which zerobeam export wrote",
-                allowed="a run with the robot file of the nominal arm",
-                remedy="name the nominal arm (robot: …) in the head of a copy of this run, or correct the"
-                " program by the first run, whose offsets are in that file",
-            )
+        corrected_before = _corrected_arm(run.header.robot, run.path.parent)
+        if holds == "postures":
+            require_nominal_arm(run.header.robot, run.path.parent)
         if held_out is not None:
             require_predictable(run, held_out)
         solution = converged_solution(run, "nothing can be exported")
@@ -474,9 +469,24 @@ def _simulated(run: Run) -> tuple[str, ...]:
     return (NO_ROBOT,) if is_simulated(run.header.provenance) else ()
 
 
-def _corrected_before(run: Run) -> str | None:
-    """The name of the run's robot file where that is an export: the arm with the offsets of another run."""
-    path = robot_path(run.header.robot, run.path.parent)
+def require_nominal_arm(ref: str | UrdfRef, folder: Path) -> None:
+    """BadInput where a robot, as named from `folder`, is an export: programs are of a controller that
+    computes with the nominal arm."""
+    name = _corrected_arm(ref, folder)
+    if name is not None:
+        raise BadInput(
+            "this robot file is a corrected arm already, and the controller of a program computes with the"
+            " nominal one",
+            found=f"robot: {name}, which zerobeam export wrote",
+            allowed="the nominal arm, or a run with it",
+            remedy="name the nominal arm (of a run: robot: … in the head of a copy), or take the first run,"
+            " whose offsets are in that file",
+        )
+
+
+def _corrected_arm(ref: str | UrdfRef, folder: Path) -> str | None:
+    """The name of a robot file that is an export: the arm with the offsets of a run."""
+    path = robot_path(ref, folder)
     if path is None or not path.is_file() or _SHA_LINE.encode() not in read_bytes(path):
         return None
     return path.name

@@ -3,7 +3,8 @@
 keep: zeros were entered, so that the arm has other readings at the same place: q' = q + entered, whatever the
 zeros are worth. A pose is written anew as pose' = F⁻¹ B FK(q') T with q = IK(B⁻¹ F pose T⁻¹), by the nominal
 arm, for the controller computes with it (B base, F frame, T tool). reach: nothing was entered; q' are the
-joints at which the true arm is where the nominal one is at q.
+joints at which the true arm is where the nominal one is at q. Only a pose can mean a place of the
+nominal arm: positions in joints were taught on the true one, and stay.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class MovedPosition:
 @dataclass(frozen=True, eq=False)
 class ArmChange:
     """The `robot` as its controller computes, up to the flange; `change` and `undo` take joints to those that
-    are to be written and back, degrees (mm)."""
+    are to be written and back, degrees (mm). `poses_only`: positions in joints stay."""
 
     robot: Robot
     language: PositionLanguage
@@ -79,6 +80,7 @@ class ArmChange:
     change: Callable[[Matrix], Matrix]
     undo: Callable[[Matrix], Matrix]
     near: Matrix | None = None
+    poses_only: bool = False
 
     @cached_property
     def solver(self) -> Solver:

@@ -248,12 +248,18 @@ def converted_backup(
     moved: dict[int, tuple[MovedPosition, PositionFrames, PositionFrames]] = {}
     none = PositionFrames(np.eye(4), np.eye(4), np.eye(4))
     for number, one in enumerate(reading.positions):
+        if arm.poses_only and one.kind == "joints":
+            continue
         try:
             pair = frames.of(one) if one.kind == "cartesian" else (none, none)
             if pair is not None:
                 moved[number] = (arm.moved(one, *pair), *pair)
         except NotConvertible as error:
             refused.append(Refusal(one.file.name, one.line, f"{one.label}: {error}"))
+    stay = [one for one in reading.positions if arm.poses_only and one.kind == "joints"]
+    if stay and len(stay) == len(reading.positions):
+        sentence = "all positions are in joints: taught on the arm, they stay, and nothing is to be corrected"
+        refused.append(Refusal(stay[0].file.name, stay[0].line, sentence))
     listed = tuple(
         _listed(one, accepted, _shift(one, reading, moved, arm)) for one in _in_order(reading.doubtful)
     )
@@ -266,7 +272,7 @@ def converted_backup(
         refused=tuple(sorted(dict.fromkeys(refused), key=lambda one: (one.file, one.line))),
         to_state=tuple(frames.to_state),
     )
-    if refused or answer.to_state or answer.open_lines or not reading.positions:
+    if refused or answer.to_state or answer.open_lines or not moved:
         return answer
     edits = _edits(backup, {number: each for number, (each, *_) in moved.items()})
     content = {name: _applied(backup.content[name], of_file) for name, of_file in edits.items()}
@@ -383,8 +389,8 @@ def _shift_at(
 
 def _edits(backup: Backup, moved: Mapping[int, MovedPosition]) -> dict[str, list[TextEdit]]:
     edits: dict[str, list[TextEdit]] = {}
-    for number, one in enumerate(backup.reading.positions):
-        each, language = moved[number], backup.language
+    for number, each in moved.items():
+        one, language = backup.reading.positions[number], backup.language
         texts = [
             _number(value, one.file.text[start:end], digits)
             for value, (start, end), digits in zip(
@@ -438,8 +444,8 @@ def _not_inverted(
     ]:
         return [Refusal(backup.path.name, 1, "read back, the new files have other positions")]
     refused = []
-    for number, (old, new) in enumerate(zip(before, again, strict=True)):
-        each, *frames = moved[number]
+    for number, (each, *frames) in moved.items():
+        old, new = before[number], again[number]
         decimals = _decimals(old, backup.language)
         written = np.abs(np.array(new.values) - each.values) <= 0.5001 * 10.0 ** -np.array(decimals)
         if (

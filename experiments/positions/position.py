@@ -143,7 +143,7 @@ class RefusedLine:
 class BackupReading:
     """What is found in the files of a backup; a reader adds to it, `finished` judges names.
 
-    `base` is the arm's base in the world, where the backup states it; `model` and `serial` of the arm."""
+    `base` is the arm's base in the world, `model` that of the arm, where the backup states it."""
 
     files: Sequence[SourceFile]
     positions: list[TaughtPosition] = field(default_factory=list)
@@ -155,7 +155,6 @@ class BackupReading:
     added: set[str] = field(default_factory=set)  # registers that statements add to places
     base: Matrix | None = None
     model: tuple[SourceFile, int, str] | None = None
-    serial: tuple[SourceFile, int, str] | None = None
 
     def add(
         self,

@@ -40,6 +40,14 @@ def _verdict(answer: Conversion) -> Verdict:
         return Verdict("held", "Found", f"{count}; nothing is converted.")
     if answer.converted:
         moved = max(row.moved_mm or 0.0 for row in answer.positions)
+        if answer.command == "reach":
+            return Verdict(
+                "pass",
+                "Converted",
+                f"Approach {shown(answer.approach or '')} slowly first: it goes"
+                f" {numbers.significant(moved, 2, 'mm')} elsewhere than before. With the wrong sign it"
+                " would be off by twice that.",
+            )
         return Verdict(
             "pass",
             "Converted",
@@ -54,7 +62,7 @@ def _verdict(answer: Conversion) -> Verdict:
         return Verdict(
             "weak", "To be looked at", f"{counted(len(answer.open_lines), 'line')}: nothing is written."
         )
-    return Verdict("weak", "Nothing to convert", "There is no position in it.")
+    return Verdict("weak", "Nothing to convert", "There is no position in it that would be.")
 
 
 def _sections(answer: Conversion) -> Iterator[Section]:
@@ -73,7 +81,14 @@ def _sections(answer: Conversion) -> Iterator[Section]:
 
 def _first(answer: Conversion) -> Iterator[Block]:
     moved = [row.moved_mm for row in answer.positions if row.moved_mm is not None]
-    if moved:
+    if moved and answer.command == "reach":
+        joints = sum(row.kind == "joints" for row in answer.positions)
+        yield Paragraph(
+            "For calculated poses alone, and for this arm alone: poses that were taught on it hold its errors"
+            " already, and would be off by as much. Leave their files out."
+            + (f" {counted(joints, 'position')} in joints: taught, they stay." if joints else "")
+        )
+    elif moved:
         yield Paragraph(
             "Convert the whole backup, or parts will disagree by up to"
             f" {numbers.significant(max(moved), 2, 'mm')}."

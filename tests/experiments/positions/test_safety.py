@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from export_runs import arm_run
 from made_backups import DIALECTS, ENTERED, MadeBackup, MadePosition, kept, texts_after, written
 from scipy.spatial.transform import Rotation
 
-from zerobeam.experiments.converted_programs import kept_programs
-from zerobeam.experiments.positions import arm_change, conversion, position
+from zerobeam.experiments.converted_programs import kept_programs, reached_programs
+from zerobeam.experiments.makers.calibration import calibration
+from zerobeam.experiments.makers.format_options import ExportOptions
+from zerobeam.experiments.makers.generic.robot_rows import robot_text
+from zerobeam.experiments.positions import arm_change, position
 from zerobeam.experiments.positions.audit import restored
 from zerobeam.experiments.positions.positions_options import BackupOptions, ZeroOptions
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.files.run import write_run
 from zerobeam.reports.positions.positions_folder import write_conversion
 
 RAPID, KRL, TP = DIALECTS["RAPID"], DIALECTS["KRL"], DIALECTS["TP"]
@@ -114,38 +120,45 @@ def test_it_is_refused_by_line(case: str, tmp_path: Path) -> None:
     assert refusals(one_file(tmp_path / "good", module(MOVE, data=robtarget(GOOD)))) == []
 
 
-@pytest.mark.parametrize("joints", [[10, 20, 15, 30, 0.3, 50], [10, 20, 15, 30, -0.41, 50]])
+def as_saved(joints: list[float]) -> str:
+    """A declaration as a controller saves it: two decimals of a millimetre, six of a quaternion."""
+    exact = robtarget(joints)
+    numbers = [float(each) for each in re.findall(r"-?\d+\.\d+", exact)]
+    place = ",".join(f"{each:.2f}" for each in numbers[:3])
+    turn = ",".join(f"{each:.6f}" for each in numbers[3:7])
+    return f"CONST robtarget p1:=[[{place}],[{turn}]{exact[exact.index(',[', exact.index('],[') + 2) :]}"
+
+
+def off_by(joints: list[float], folder: Path) -> float:
+    """mm by which a tool of 200 mm is off where an arm was taught with these joints, once converted."""
+    row, entered = np.array(joints), np.array([0, 0, 0, 0, 0.211, 0])
+    answer = kept(one_file(folder, module(MOVE, data=as_saved(joints))), "irb120", entered)
+    assert answer.converted
+    numbers, configuration = RAPID.found(_made("p1", row), {"M.mod": answer.content["M.mod"].decode()})
+    (reading,) = RAPID.arm.climbed(RAPID.matrix(numbers), row + entered)
+    assert RAPID.agrees(configuration, reading)
+    tip = np.array([0.0, 0, 200, 1])
+    meant, there = (RAPID.arm.fk(each, "deg") @ tip for each in (row + entered, reading))
+    return float(np.linalg.norm(meant - there))
+
+
 def test_without_the_check_of_joint_5_a_wrong_place_is_written(
-    joints: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Readings that its pose has as well: joints 4 and 6 turned against each other.
+    """A pose that a controller has saved, rounded, has other joints 4 and 6: joint 5 is then turned about
+    another axis. With joint 5 well bent the same rounding leaves nothing of it."""
+    near = [10.0, 20.0, 15.0, 30.0, 0.002, 50.0]
+    assert any(
+        "joint 5 is at" in one
+        for one in refusals(one_file(tmp_path / "b", module(MOVE, data=as_saved(near))))
+    )
     monkeypatch.setattr(arm_change.ArmChange, "_require_regular", lambda self, before, after: None)
-    monkeypatch.setattr(conversion, "_inverts", lambda *_: True)
-    entered = np.array([0, 0, 0, 0, 0.211, 0])
-    # To three decimals of a quaternion, as offline systems write them, the pose has other joints.
-    coarse = robtarget([float(each) for each in joints])
-    row = np.array(joints, dtype=float)
-    answer = kept(one_file(tmp_path / "b", module(MOVE, data=coarse)), "irb120", entered)
-    text = answer.content["M.mod"].decode()
-    numbers, configuration = RAPID.found(dataclasses.replace(_made("p1", row), name="p1"), {"M.mod": text})
-    reading = RAPID.arm.climbed(RAPID.matrix(numbers), row + entered)[0]
-    # Where joint 5 passes zero, the configuration is another one: the arm would turn over.
-    crossed = (joints[4] < 0) != (joints[4] + 0.211 < 0)
-    sensitive = np.abs(np.linalg.inv(_jacobian(row))).max() > 50
-    assert crossed or sensitive or not RAPID.agrees(configuration, reading)
+    assert off_by(near, tmp_path / "near") > 0.1
+    assert off_by(GOOD, tmp_path / "good") < 0.01
 
 
 def _made(name: str, joints: np.ndarray) -> MadePosition:
     return MadePosition(name, joints, "tool0", "wobj0", False)
-
-
-def _jacobian(row: np.ndarray) -> np.ndarray:
-    pose, columns = RAPID.arm.fk(row, "deg"), []
-    for step in np.eye(6):
-        other = RAPID.arm.fk(row + 1e-4 * step, "deg")
-        turn = Rotation.from_matrix(other[:3, :3] @ pose[:3, :3].T).as_rotvec()
-        columns.append(np.concatenate([(other[:3, 3] - pose[:3, 3]) / 1000, turn]) / np.radians(1e-4))
-    return np.array(columns).T
 
 
 def test_without_the_check_of_tools_another_place_is_written(
@@ -296,6 +309,24 @@ def test_new_tools_and_frames_are_taken(tmp_path: Path) -> None:
     meant = RAPID.arm.fk(joints + ENTERED, "deg")
     reached = frame @ RAPID.matrix(numbers) @ np.linalg.inv(new)
     assert np.abs(meant - reached).max() < 1e-4
+
+
+def test_a_corrected_arm_is_not_what_a_controller_computes_with(tmp_path: Path) -> None:
+    """A robot file that `export robot` has written moves other joints to a pose."""
+    run = arm_run(tmp_path)
+    corrected = tmp_path / "corrected.yaml"
+    corrected.write_text(robot_text(run, calibration(run, holds="links")), encoding="utf-8")
+    backup = one_file(tmp_path / "b", module(MOVE, data=robtarget(GOOD)))
+    zeros = "J2=0.1"
+    with pytest.raises(BadInput, match="is a corrected arm"):
+        kept_programs(backup, ZeroOptions(robot=str(corrected), entered=zeros), BackupOptions())
+    of_corrected = tmp_path / "of_corrected.jsonl"
+    write_run(of_corrected, run.header.model_copy(update={"robot": corrected.name}), run.shots)
+    with pytest.raises(BadInput, match="is a corrected arm"):
+        kept_programs(backup, ZeroOptions(run=of_corrected), BackupOptions())
+    with pytest.raises(BadInput, match="is a corrected arm"):
+        reached_programs(backup, of_corrected, BackupOptions(), ExportOptions())
+    assert kept_programs(backup, ZeroOptions(robot="irb120", entered=zeros), BackupOptions()).converted
 
 
 def test_zeros_are_understood_or_refused(tmp_path: Path) -> None:
