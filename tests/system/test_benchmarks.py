@@ -33,7 +33,7 @@ def points(problem, fit, count=5):
 
 def test_the_run_is_the_one_of_the_issue(fitted):
     problem, fit = fitted
-    assert problem.shots == 7
+    assert problem.shots == 9  # seven postures, the first two again
     names = np.array(problem.parameters.names)[problem.parameters.free]
     assert names.tolist() == [f"delta{k}" for k in range(2, 7)] + ["psd.x", "psd.y", "psd.z"]
     assert fit.converged

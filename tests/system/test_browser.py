@@ -22,7 +22,6 @@ from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.run_scene import run_turnable
 from zerobeam.words import numbers
 from zerobeam.words.sentences import to_json
-from zerobeam.words.wording import label
 
 pytestmark = pytest.mark.browser
 
@@ -84,17 +83,13 @@ def test_the_report_says_what_the_result_says_wherever_it_is_read(report: Path, 
     answer: Any = json.loads((report / "result.json").read_text(encoding="utf-8"))
     assert answer["message"]["verdict"].replace("\u00a0", " ") in found.text  # as the browser gives text
     assert answer["message"]["action"]["command"] in found.text
-    offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
-    assert len(offsets) == 6
-    for row in offsets:
-        name = label(row["name"])
-        if row["held"]:
-            told = f"{name} held at 0°"
-        else:
-            u = answer["coverage_factor"] * row["std"]
-            value = f"{numbers.estimate(row['estimate'], u, 'deg')} {numbers.spread(u, 'deg')}"
-            told = f"{name} {value} {row['status']}"
+    entered = answer["next_steps"]["enter"]
+    assert len(entered) == 4
+    for row in entered:
+        told = f"J{row['name'].removeprefix('delta')} {row['value']} {row['expanded_u']}"
         assert told in found.text, told
+    assert "J1 held: base frame" in found.text
+    assert "J6 no: laser's mounting assumed" in found.text
 
 
 def test_the_scene_turns_and_says_where_the_target_stands(report: Path) -> None:

@@ -134,9 +134,8 @@ def test_the_sentences() -> None:
         "A run of this plan detects a jump of the zero of J2 by 0.2° with a probability of 80 % or more."
     )
     assert hidden == (
-        "If the instrument may be mounted 5\N{NO-BREAK SPACE}mm off, measure how the instrument is mounted,"
-        " and state it: a pass can hide that, and puts an offset off by up to 0.18°, the TCP by"
-        " 2.5\N{NO-BREAK SPACE}mm."
+        "Measure its mounting, and state it: a tool 5\N{NO-BREAK SPACE}mm off can hide (0.18°, TCP"
+        " 2.5\N{NO-BREAK SPACE}mm)."
     )
     assert power_sentences(told[:1]) == [noticed]
 
@@ -147,16 +146,16 @@ def test_three_cautions_at_most_the_most_harmful_first() -> None:
     )  # fmt: skip
     rows = [DetectionPower(wrong, 0.2, "deg", 0.1, 5.0, 4, 0.5, 0.4, 0.3, 0.1, mm, 4) for wrong, mm in harms]
     texts = remaining(rows)
-    assert [text.partition(",")[0] for text in texts] == [
-        "If one reading may be 0.3° off",
-        "If the zero of J4 may have drifted by 0.3°",  # of what changes during a run the most harmful
-        "If the noise may be 0.3° the stated",
+    assert [text.rpartition(": ")[2].partition(" can hide")[0] for text in texts] == [
+        "one reading 0.3° off",
+        "a drift of the zero of J4 by 0.3°",  # of what changes during a run the most harmful
+        "a noise 0.3° the stated noise",
     ]
-    assert "measure the first postures again at the end" in texts[1]
+    assert texts[1].startswith("Repeat the first postures (plan --repeat): ")
     # Said is what can still be repeated.
     for again, reading, changed in (
-        (0.3, "measure every posture twice (--repeat)", "measure more of the postures again at the end"),
-        (1.0, "record a second run and compare the two", "record a second run and compare the two"),
+        (0.3, "Repeat all postures (plan --repeat)", "Repeat more postures (plan --repeat)"),
+        (1.0, "Compare with a second run", "Compare with a second run"),
     ):
         texts = remaining([replace(row, again=again) for row in rows])
         assert reading in texts[0]
@@ -166,7 +165,7 @@ def test_three_cautions_at_most_the_most_harmful_first() -> None:
     noise = DetectionPower("noise", 3.0, "1", 0.1, 5.0, None, 0.5, 4.0, 4.0, 0.1, 0.5)
     (text,) = remaining([noise])
     assert text.startswith(
-        "If the noise may be 4\N{NO-BREAK SPACE}times the stated, state the noise as it is"
+        "State the noise, or have it estimated (noise: {scale: estimated}): a noise 4\N{NO-BREAK SPACE}times"
     )
     assert remaining([replace(row, risk=0.01) for row in rows]) == []
     # Where the TCP is not determined the errors of the offsets rank them.
@@ -268,9 +267,7 @@ def test_what_a_pass_is_subject_to() -> None:
     beam = DetectionPower("beam", 0.3, "deg", 0.001, 5.8, None, 0.99, 0.5)
     harmless, sure = DetectionPower("tool", 1.0, "mm", 0.0, 0.2), DetectionPower("noise", 3.0, "1", 0.9, 2.8)
     assert [each.dangerous for each in (jump, harmless, sure)] == [True, False, False]
-    assert condition((jump, harmless, sure, beam)) == (
-        "nothing changed during the run and the arm and the tool are within their tolerances"
-    )
+    assert condition((jump, harmless, sure, beam)) == ("nothing changed and geometry is as stated")
     assert condition((harmless, sure)) is None
     assert no_plan_sentence((jump, harmless)) == (
         "No plan with this tool and target detects a jump of the zero of J5 by 0.2°."
