@@ -565,7 +565,7 @@ def analyse(
     'pass'
     >>> row = sol["delta2"]
     >>> f"{row.estimate:.2f} {row.unit}, u = {row.u:.1g}"
-    '-1.24 deg, u = 0.08'
+    '-1.20 deg, u = 0.02'
     """
     remedy = "zerobeam.read_run(path) reads a file, zerobeam.Run.from_arrays(…) takes joint positions"
     require_kind(run, Run, "run", remedy)

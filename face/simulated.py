@@ -61,7 +61,7 @@ def simulate(
     ...     target_priors={"psd": {"guess_mm": (900, 0, 0)}},
     ... )
     >>> zb.simulate(plan, offsets={"delta2": 0.3}, seed=1)
-    <Run simulated: 7 measurements of psd, irb1600>
+    <Run simulated: 9 measurements of psd, irb1600>
     """
     require_plan(plan)
     require_number(seed, 0, "seed", whole=True)

@@ -229,7 +229,7 @@ class Result:
     >>> from zerobeam.experiments.demos import demo_runs
     >>> result = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100).result
     >>> result.likelihood.dof, result.inputs.robot
-    (6, 'irb1600')
+    (10, 'irb1600')
     """
 
     schema: Annotated[Literal["zerobeam/result/1"], it("kind and version of the document")] = RESULT_SCHEMA

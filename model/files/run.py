@@ -345,7 +345,7 @@ def read_run(path: Path | str) -> Run:
     >>> import zerobeam as zb
     >>> from zerobeam.experiments.demos import demo_runs
     >>> zb.read_run(demo_runs()[0].path)
-    <Run good.jsonl: 7 measurements of psd, irb1600>
+    <Run good.jsonl: 9 measurements of psd, irb1600>
     """
     path = Path(path)
     run, torn = recorded(read_bytes(path, LARGEST_RECORDING), path)

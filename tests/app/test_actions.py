@@ -32,7 +32,7 @@ def test_a_plan_that_passes_is_measured(client: TestClient, content: dict[str, A
     answer = checked(client, content)
     assert answer["verdict"] == "pass"
     message = answer["message"]
-    assert message["verdict"].startswith("Pass. J2 (δ2)")
+    assert message["verdict"].startswith("Pass. J2 to J5 are identified")
     worst = max(
         (row for row in answer["parameters"] if row["std"] and row["group"] == "offset"),
         key=lambda row: row["std"],
@@ -85,7 +85,7 @@ def test_a_degenerate_plan_says_why_in_the_words_of_the_check(client: TestClient
     content = client.get("/api/plan", params={"file": "x.yaml"}).json()["plan"]
     answer = checked(client, content)
     message = answer["message"]
-    assert message["verdict"].startswith("Degenerate. J2 (δ2)")
+    assert message["verdict"].startswith("Degenerate. J2 is unidentifiable")
     assert "X-Pattern" in message["cause"]
     assert (message["worst"]["name"], message["worst"]["value"]) == ("delta2", None)
     assert "not determined" in message["worst"]["text"]

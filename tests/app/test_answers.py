@@ -262,7 +262,7 @@ def test_what_the_command_says_besides_is_said_to_the_page(
     content["postures_deg"] = np.degrees(pattern_plan("x").postures).tolist()
     assert client.put("/api/plan", json={"file": "noisy.yaml", "plan": content}).status_code == 200
     said = client.post("/api/check", json={"plan": content, "scene": True}).json()["said"]
-    printed = " ".join(zerobeam("check", root / "noisy.yaml").out.split())
+    printed = " ".join(zerobeam("check", root / "noisy.yaml", "--full").out.split())
     worth = [text for text in said["worth"]["of"].values() if text != "—"]  # of one that is estimated
     for text in (*said["lines"], *worth):
         assert " ".join(text.split()) in printed

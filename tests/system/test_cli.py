@@ -261,7 +261,10 @@ def test_check_ends_with_its_verdict(plans: dict[str, Path], name: str, status: 
     assert told.json["verdict"] == verdict
     told = zerobeam("check", plans[name])
     assert (told.status, told.err) == (status, "")
-    assert "Standard uncertainties u that these measurements will give" in told.out
+    assert "trusted" in told.out
+    assert "Standard uncertainties u" not in told.out
+    full = zerobeam("check", plans[name], "--full").out
+    assert "Standard uncertainties u that these measurements will give" in full
 
 
 @pytest.fixture(scope="module")
