@@ -71,8 +71,9 @@ def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Sectio
 
 
 def front_page(result: Result, title: str = "", subtitle: str = "") -> Page:
-    """The answer of `analyse`: what is read first."""
-    return replace(page_of(title, subtitle, result), sections=[])
+    """The answer of `analyse`: what is read first, and what was asked for besides."""
+    besides = [robust_section(result), hold_out_section(result), predicted_run_section(result)]
+    return replace(page_of(title, subtitle, result), sections=[each for each in besides if each is not None])
 
 
 def brief_page(result: Result) -> Page:
