@@ -124,8 +124,8 @@ def _uncorrected(judged: RobotCalibration) -> list[str]:
     """What a joint that stays as it is leaves of each pose."""
     stay = [number for number, one in enumerate(judged.offsets, start=1) if not one.exported]
     holds = {
-        1: ", but for frames that were measured by this arm",
-        6: ", but for tools that were measured on it",
+        1: ", unless their frames were measured by it",
+        6: ", unless their tools were measured on it",
     }
     return [
         f"Joint {number} is not corrected: the arm's poses stay off by its error{holds.get(number, '')}."
