@@ -64,7 +64,16 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
     ]
     sections = [section_of("Inputs", Facts(facts))]
     if provenance:
-        sections.append(section_of("Provenance", Facts(provenance), level=2))
+        true = ", ".join(f"{name[5:]} {text}" for name, text in provenance if name.startswith("true "))
+        origin = Facts([row for row in provenance if not row[0].startswith("true ")])
+        sections.append(
+            section_of(
+                "Provenance",
+                origin if origin.rows else None,
+                Paragraph(f"True values of the simulation: {true}.") if true else None,
+                level=2,
+            )
+        )
     usual, every = _usual(header, (Header,)), flat(header)
     settings = [row for row in every if row[0] not in usual]
     rest = ", ".join(f"{name} {value}" for name, value in every if name in usual)

@@ -147,7 +147,7 @@ def test_check_says_what_it_wrote(tmp_path):
 
 
 def test_a_probes_target_is_no_psd(tmp_path):
-    told = zerobeam("check", plan(tmp_path, PROBE))
+    told = zerobeam("check", plan(tmp_path, PROBE), "--full")
     assert "socket.x" in told.out
     assert "psd" not in told.out.replace(tmp_path.name, "")
 

@@ -31,7 +31,8 @@ def words(text: str) -> int:
 
 def printed(result: Result) -> str:
     text = io.StringIO()
-    print_page(Console(file=text, width=WIDTH, highlight=False, color_system=None), front_page(result))
+    page = replace(front_page(result), sections=[])
+    print_page(Console(file=text, width=WIDTH, highlight=False, color_system=None), page)
     return text.getvalue()
 
 
