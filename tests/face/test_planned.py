@@ -64,7 +64,7 @@ def test_a_degenerate_plan_has_no_number_where_there_is_none() -> None:
     found = zb.check(in_a_row())
     assert found.verdict == "degenerate"
     assert (found["delta2"].status, found["delta2"].u) == ("unidentifiable", None)
-    (line,) = (line for line in repr(found).splitlines() if line.startswith("  J2 "))
+    (line,) = (line for line in repr(found).splitlines() if line.startswith("  J2  "))
     assert not any(letter.isdigit() for letter in line.replace("J2", ""))
     assert np.isnan(found.offsets.to_frame().loc["delta2", "u"])
     assert "<script" not in found._repr_html_()
