@@ -42,7 +42,6 @@ from ..analysis.observability.causes import (
     ToolRotation,
 )
 from ..analysis.observability.changes import ChangeAt, RepeatsApart, RepeatsDiffer, RunChange
-from ..analysis.observability.outlook import OutlookRow
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import known
 from ..model.files.run import in_no_file
@@ -68,7 +67,6 @@ from .geometry_words import confounded_sentence, with_own_u, worth_sentence
 from .misfit_causes import CAUSES, by_another_run, mend
 from .misfit_words import cause_sentence, larger_tolerance, measurements, step_sentence
 from .observability import (
-    PLAN_MORE,
     assumed_steps,
     condition,
     direction_remedy,
@@ -76,7 +74,7 @@ from .observability import (
     remaining,
     stating,
 )
-from .outlook_words import better_postures, plan_command
+from .outlook_words import BetterPostures, better_postures, plan_command
 from .wording import are, capital, clipped, listed, person
 
 
@@ -301,14 +299,12 @@ def _determine(one: Open, case: RunCase) -> str:
     if better is None:
         return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
     if helps_little(one.direction):
-        return f"Enter nothing yet: {better[0]}."
-    change = direction_remedy(one.direction, person).removesuffix(f"; then {PLAN_MORE}")
-    text, plan = better
-    to = text.rpartition("→ ")[2]
-    return f"Enter nothing yet: {change}. Or plan {plan.shots} better postures: U {to}."
+        return f"Enter nothing yet: {better.text}."
+    change = direction_remedy(one.direction, person, then=False)
+    return f"Enter nothing yet: {change}. Or plan {better.row.shots} better postures: U {better.U}."
 
 
-def _better_postures(one: Open, case: RunCase) -> tuple[str, OutlookRow] | None:
+def _better_postures(one: Open, case: RunCase) -> BetterPostures | None:
     outlook = None if case.result is None else case.result.outlook
     return None if isinstance(one.direction.cause, _IN_THE_HEADER) else better_postures(outlook, one.row)
 
@@ -318,7 +314,7 @@ def _plan_or_again(one: Open, case: RunCase) -> str | None:
         return case.again
     better = _better_postures(one, case)
     if better is not None:
-        return plan_command(case.planned, better[1])
+        return plan_command(case.planned, better.row)
     tried = one.direction.tried
     return case.again if tried is not None and tried.how == "tolerances" else case.plan
 

@@ -51,7 +51,7 @@ _BASE_FRAME = (
 )
 _CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
-PLAN_MORE = "plan more measurements"
+_PLAN_MORE = "plan more measurements"
 _PLAN_ANEW = "plan other postures (zerobeam plan optimal)"
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
@@ -157,14 +157,14 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "no known mechanism"
 
 
-def remedy(cause: Cause, name: Namer = str, tried: Tried | None = None) -> str:
+def remedy(cause: Cause, name: Namer = str, tried: Tried | None = None, *, then: bool = True) -> str:
     """What to do, as an imperative without a full stop; with what it is predicted to give where it was
     `tried`."""
     if tried is None:
         return _untried(cause, name)
     if tried.how == "tolerances":
-        return f"{_closer(cause, tried)}; {_promise(tried, name)}"
-    return f"{_change(tried)}; {_promise(tried, name)}"
+        return f"{_closer(cause, tried)}; {_promise(tried, name, then=then)}"
+    return f"{_change(tried)}; {_promise(tried, name, then=then)}"
 
 
 def helps_little(direction: NullDirection) -> bool:
@@ -179,9 +179,9 @@ def helps_little(direction: NullDirection) -> bool:
     return tried.how == "tolerances" or weak
 
 
-def direction_remedy(direction: NullDirection, name: Namer = str) -> str:
-    """What to do about a direction."""
-    return remedy(direction.cause, name, direction.tried)
+def direction_remedy(direction: NullDirection, name: Namer = str, *, then: bool = True) -> str:
+    """What to do about a direction, and `then` after that."""
+    return remedy(direction.cause, name, direction.tried, then=then)
 
 
 def _change(tried: Tried) -> str:
@@ -218,11 +218,11 @@ def _closer(cause: Cause, tried: Tried) -> str:
     return f"measure the geometry of arm and tool and state tolerances {times} times smaller"
 
 
-def _promise(tried: Tried, name: Namer) -> str:
+def _promise(tried: Tried, name: Namer, *, then: bool) -> str:
     """What a remedy is predicted to give."""
     text = f"predicted U: {listed([_predicted(each, name) for each in tried.predicted])}"
-    if any(each.after > each.tolerance for each in tried.predicted):
-        text += f"; then {PLAN_MORE}"
+    if then and any(each.after > each.tolerance for each in tried.predicted):
+        text += f"; then {_PLAN_MORE}"
     return text
 
 

@@ -102,7 +102,15 @@ def plan_command(planned: str | None, row: OutlookRow) -> str | None:
     return f"{planned} {' '.join(row.options)} -o new-plan.yaml"
 
 
-def better_postures(outlook: Outlook | None, offset: Any) -> tuple[str, OutlookRow] | None:
+class BetterPostures(NamedTuple):
+    """What to do, as an imperative without a full stop; the remedy; the U that it gives."""
+
+    text: str
+    row: OutlookRow
+    U: str
+
+
+def better_postures(outlook: Outlook | None, offset: Any) -> BetterPostures | None:
     """What to do where other postures bring an `offset` within its tolerance, as an imperative without a full
     stop, and the remedy with the fewest measurements that does; None where none of them does."""
     if outlook is None or offset.name not in outlook.now.U:
@@ -113,10 +121,9 @@ def better_postures(outlook: Outlook | None, offset: Any) -> tuple[str, OutlookR
     if first is None:
         return None
     to = _expanded(first.U[name], unit)
-    return (
-        f"plan {first.shots} better postures: predicted U of {person(name)} {_expanded(now, unit)} → {to}",
-        first,
-    )
+    change = f"{_expanded(now, unit)} → {to}"
+    text = f"plan {first.shots} better postures: predicted U of {person(name)} {change}"
+    return BetterPostures(text, first, to)
 
 
 def outlook_notes(outlook: Outlook) -> list[str]:

@@ -19,7 +19,7 @@ from ..analysis.observability.check import (
     Unreachable,
     Violation,
 )
-from ..analysis.observability.outlook import COVERAGE, OutlookRow
+from ..analysis.observability.outlook import COVERAGE
 from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from . import numbers
@@ -49,7 +49,7 @@ from .observability import (
     remaining,
     stating,
 )
-from .outlook_words import better_postures, plan_command
+from .outlook_words import BetterPostures, better_postures, plan_command
 from .plan_words import plan_sentence, violation_sentence, violation_words
 from .trust import offsets_sentence
 from .wording import Namer, capital, counted, ended, listed, person, sentence
@@ -70,17 +70,17 @@ def _why_open_in(one: Open, check: Check) -> str:
 
 def _change_plan(one: Open, check: Check) -> str:
     better = _better_postures(one, check)
-    return capital(direction_remedy(one.direction, person) if better is None else better[0])
+    return capital(direction_remedy(one.direction, person) if better is None else better.text)
 
 
-def _better_postures(one: Open, check: Check) -> tuple[str, OutlookRow] | None:
+def _better_postures(one: Open, check: Check) -> BetterPostures | None:
     """Where no change of one posture or joint is known to help enough."""
     return better_postures(check.outlook, one.row) if helps_little(one.direction) else None
 
 
 def _plan_changed(one: Open, check: Check) -> str | None:
     better = _better_postures(one, check)
-    return None if better is None else plan_command(planned_anew(check), better[1])
+    return None if better is None else plan_command(planned_anew(check), better.row)
 
 
 def _change_postures(first: Violation, check: Check) -> str:

@@ -13,7 +13,7 @@ from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .entries import NONE_ESTIMATED
 from .observability import part_of, size_of
-from .wording import Namer, joints, listed, person
+from .wording import Namer, be, joints, listed, person
 
 _HELD_BY: dict[HeldBy, str] = {
     "base frame": "held: base frame",
@@ -27,16 +27,14 @@ _HELD_BY: dict[HeldBy, str] = {
 def offsets_sentence(rows: Sequence[_Offset], k: float, name: Namer = person) -> str:
     """Which offsets are determined, in one short sentence, the gravest first: `J2 to J5 are identified,
     U ≤ 0.17° (k = 2); J6 assumed.` Their table says why."""
-    by_status = {status: [row for row in rows if row.status == status] for status in _SAID_OF}
+    by_status = {status: [row for row in rows if row.status == status] for status in _ORDER}
     parts = []
     for status, of_status in by_status.items():
         if not of_status:
             continue
-        subject = joints([row.name for row in of_status], name)
-        verb = "is" if len(of_status) == 1 else "are"
-        text = _SAID_OF[status].format(
-            f"{listed(subject)} {verb}" if status != "assumed" else listed(subject)
-        )
+        subject = listed(joints([row.name for row in of_status], name))
+        verb = "" if status == "assumed" else f" {be(of_status)}"
+        text = f"{subject}{verb} {status}"
         if status == "identified" and not by_status["weak"] and not by_status["unidentifiable"]:
             text += f", {_at_most(of_status, k)} ({numbers.coverage(k)})"
         if status == "weak" and not by_status["unidentifiable"]:
@@ -56,12 +54,7 @@ class _Offset(Protocol):
     def std(self) -> float | None: ...
 
 
-_SAID_OF: dict[Status, str] = {
-    "unidentifiable": "{} unidentifiable",
-    "weak": "{} weak",
-    "identified": "{} identified",
-    "assumed": "{} assumed",
-}
+_ORDER: tuple[Status, ...] = ("unidentifiable", "weak", "identified", "assumed")
 
 
 def _at_most(rows: Sequence[_Offset], k: float) -> str:

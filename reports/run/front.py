@@ -12,6 +12,7 @@ from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.case import RunCase
 from ...words.controllers import taken_by
+from ...words.enter import MAKE_UP, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT
 from ...words.message import message, offered
 from ...words.numbers import unit_of
 from ...words.region_words import region_short
@@ -22,8 +23,6 @@ from ..style.blocks import Bar, Bars, Block, Cell, FigureBlock, Paragraph, Row, 
 from .outlook_section import outlook_blocks
 from .workspace import NAME as MAP
 
-MAKE_UP = "Values to enter make up for links too: their U is not that of the offsets."
-
 
 def front(result: Result) -> list[Block]:
     """The blocks; of a wrong model there is none that could be taken for an answer."""
@@ -32,12 +31,14 @@ def front(result: Result) -> list[Block]:
 
 def _blocks(result: Result) -> Iterator[Block]:
     if result.misfit is not None:
-        yield Paragraph("TCP error: not claimed, since the model does not describe the measurements.")
+        yield Paragraph(TCP_OF_A_MISFIT)
         return
-    entered = offered(result)
+    entered, may = offered(result), message(result).may
     offsets = [row for row in result.parameters if row.group == "offset"]
-    doubted = not message(result).may.export
-    yield offsets_front(offsets, result.coverage_factor, *_to_enter(result, entered), doubted=doubted)
+    head, values = "offset", None
+    if entered is not None and taken_by(result.inputs.vendor) == "offsets":
+        head, values = ("enter" if may.enter else "would enter"), entered
+    yield offsets_front(offsets, result.coverage_factor, head, values, doubted=not may.export)
     if result.null_motion is not None:
         yield FigureBlock(NAME)
     yield _tcp(result, entered)
@@ -45,13 +46,6 @@ def _blocks(result: Result) -> Iterator[Block]:
     yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
     if result.null_motion is None:
         yield FigureBlock(MAP)
-
-
-def _to_enter(result: Result, entered: Entered | None) -> tuple[str, Entered | None]:
-    """What the second column is: the values to enter, or the offsets of the arm."""
-    if entered is None or taken_by(result.inputs.vendor) != "offsets":
-        return "offset", None
-    return ("enter" if message(result).may.enter else "would enter"), entered
 
 
 def offsets_front(
@@ -73,7 +67,7 @@ def _row(row: ParameterResult, k: float, entered: Entered | None, *, doubted: bo
     """One joint. What is not determined, and of values to enter what is not entered, has no number."""
     (name,), why = joints([row.name]), Cell(trusted(row), mark=row.status)
     tone = row.status
-    if row.status == "held":
+    if row.held:
         return row_of(name, "", "", why, tone=tone)
     if row.estimate is None or row.std is None:
         return row_of(name, Cell(NOT_DETERMINED, span=2), why, tone=tone)
@@ -96,7 +90,7 @@ def _tcp(result: Result, offered: Entered | None) -> Block:
     """The error of the TCP as it is, and with the values that are offered."""
     entered = offered or result.entered
     if entered is None or entered.tcp_before is None or entered.tcp_after is None:
-        return Paragraph("TCP error: not claimed, since it depends on what is not determined.")
+        return Paragraph(TCP_NOT_CLAIMED)
     after = "entered" if taken_by(result.inputs.vendor) == "offsets" else "corrected"
     bars = [_bar("now", entered.tcp_before, "held")]
     if offered is not None:

@@ -13,7 +13,7 @@ def next_steps_section(result: Result) -> Section | None:
     blocks: list[Block] = []
     if advice.enter:
         blocks.append(
-            Paragraph("To enter is what stands on page one: corrected reading = recorded position + value.")
+            Paragraph("Enter the values of page one: corrected reading = recorded position + value.")
         )
     for step in advice.steps[1:]:
         blocks.append(Paragraph(step.text))
