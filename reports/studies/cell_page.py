@@ -83,7 +83,7 @@ def cell_page(answer: CellStudy) -> Page:
                 ("Runs of each plan", str(settings.runs)),
                 ("Seed", str(settings.seed)),
                 ("Level of the intervals", percent(settings.level)),
-                ("Chance of a false alarm", percent(settings.chance)),
+                ("Probability of a false alarm", percent(settings.chance)),
                 ("Limit of a run’s time", limit),
                 ("Search", "by camera images" if settings.camera else "without a camera"),
             ],

@@ -51,7 +51,7 @@ def drift_page(answer: DriftStudy) -> Page:
                 ("Arms", str(settings.arms)),
                 ("Results of an arm", f"{settings.results}, every {settings.years_between:g} years"),
                 (
-                    "Walk of an offset",
+                    "Drift rate of an offset",
                     f"log-normal: median {settings.rate_median:g}° per root year, standard deviation"
                     f" {settings.rate_spread:g} of its logarithm",
                 ),

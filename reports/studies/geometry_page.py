@@ -105,7 +105,7 @@ def geometry_page(answer: GeometryStudy) -> Page:
                 ("Arms for each plan", str(settings.arms)),
                 ("Seed", str(settings.seed)),
                 ("Level of the intervals", percent(settings.level)),
-                ("Chance of a false alarm", percent(settings.chance)),
+                ("Probability of a false alarm", percent(settings.chance)),
                 ("Offsets of the arms", numbers.exact(settings.offset_deg, "deg")),
                 ("Candidates of a plan", str(settings.candidates)),
             ],

@@ -17,8 +17,11 @@ from ...experiments.studies.answer import (
     Share,
     StudyAnswer,
 )
+from ...experiments.studies.sweeps.grid_answer import GridStudy
 from ...model.arrays import NORMAL_95
+from ...model.instruments.registry import kinds_of
 from ...words import numbers
+from ...words.citation import study_citation
 from ...words.wording import clipped, counted, label, sentence, shown
 from ..style.blocks import (
     Cell,
@@ -131,9 +134,23 @@ def how_it_was_done(answer: StudyAnswer, settings: list[tuple[str, str]], tables
         *settings,
         ("Time", f"{numbers.significant(answer.seconds, 2)}{numbers.NO_BREAK}s"),
         ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer.versions.items())),
+        ("To cite", _citation(answer, dict(settings).get("Seed"))),
     ]
     files = f"study.json beside this page holds every number unrounded; {tables} as plain tables."
     return section_of("How it was done", Facts(facts), Paragraph(files))
+
+
+_OTHER_METHODS = ("drift", "instruments")
+
+
+def _citation(answer: StudyAnswer, seed: str | None) -> str:
+    """Of studies of other methods than a beam on a target without the article."""
+    if isinstance(answer, GridStudy):
+        by_the_paper = any(kind.beam for kind in kinds_of(answer.settings.as_in_file()).values())
+    else:
+        by_the_paper = answer.study not in _OTHER_METHODS
+    version = answer.versions.get("zerobeam", "")
+    return study_citation(answer.study, seed, version, by_the_paper=by_the_paper)
 
 
 def seconds(value: float | None) -> str:

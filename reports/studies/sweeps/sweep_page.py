@@ -163,6 +163,7 @@ def sweep_page(study: GridStudy) -> Page:
     over = listed([clipped(axis.label) for axis in study.axes])
     settings = study.settings.as_in_file()
     facts = [(clipped(name, LONGEST_NAME), text) for name, text in _settings(study, settings)]
+    facts.append(("Seed", str(study.settings.seed)))
     sections = [
         section_of(
             f"Cases by {over}",

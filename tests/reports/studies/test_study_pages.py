@@ -164,6 +164,22 @@ def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
 
 
+@pytest.mark.parametrize(("name", "of"), [("agreeing", "study coverage, seed 0."), ("sweep_map", ", seed ")])
+def test_it_says_how_it_is_cited(name: str, of: str) -> None:
+    facts = {
+        key: text
+        for block in blocks(study_page(answer_of(name)))
+        if isinstance(block, Facts)
+        for key, text in block.rows
+    }
+    citation = facts["To cite"]
+    assert citation.startswith(
+        f"The zerobeam contributors: zerobeam {answer_of(name).versions['zerobeam']}, "
+    )
+    assert of in citation
+    assert "doi:10.1155/2014/769343" in citation
+
+
 def unidentifiable(content: Json) -> Iterator[Json]:
     """The parameters that a plan does not determine, but of controls."""
     for plan in content["plans"]:
