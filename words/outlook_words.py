@@ -66,6 +66,8 @@ def _remedy(row: OutlookRow) -> str:
             return f"{row.shots} best postures, 2 again"
         case "repeat":
             return "first two postures again"
+        case "points":
+            return f"4 tracker points, postures {listed([str(each) for each in row.postures])}"
         case "mounting":
             sizes = listed([_size(key, std) for key, std in row.state.items()])
             return f"mounting measured to {sizes}"

@@ -9,7 +9,7 @@ the first are not counted with it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Literal, NamedTuple
 
@@ -29,6 +29,7 @@ from ..tcp_positions import beside_first_axis
 from ..tcp_region import TcpRegion, region_of
 from .better_postures import PostureSearch
 from .changes import repeated
+from .flange_points import best_points
 from .predictions import roots_with_ties
 from .remedies import Allowed
 from .tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
@@ -42,8 +43,10 @@ _NEXT = 3  # postures that are proposed one by one
 _CLOSER = 5.0  # times: what is measured of a mounting next to what is assumed
 WORTH = 0.1  # a relative gain from which a remedy is worth a row
 MOUNTING_MIN = 15.0  # minutes to measure the mounting of an instrument
+_LAST: dict[str, int] = {"mounting": 1, "points": 2}  # what takes more than the instruments that are there
+POINTS_MIN = 20.0  # minutes to set up a laser tracker, and to measure some positions
 
-Remedy = Literal["none", "postures", "more", "repeat", "mounting", "links"]
+Remedy = Literal["none", "postures", "more", "repeat", "points", "mounting", "links"]
 
 
 @record
@@ -54,8 +57,9 @@ class OutlookRow:
         Remedy,
         it(
             "`none`: the answer as it is; `postures`: better ones, as many; `more`: more measurements, in the"
-            " best postures; `repeat`: the first postures again at the end; `mounting`: that of the"
-            " instrument is measured; `links`: the links are entered as well, where the controller takes them"
+            " best postures; `repeat`: the first postures again at the end; `points`: a point of the flange"
+            " measured in four of the postures too, as by a laser tracker; `mounting`: that of the instrument"
+            " is measured; `links`: the links are entered as well, where the controller takes them"
         ),
     ]
     shots: Annotated[
@@ -94,6 +98,9 @@ class OutlookRow:
     state: Annotated[
         dict[str, float], it("keys of the header to be measured and stated, with the uncertainty to reach")
     ] = field(default_factory=dict)
+    postures: Annotated[
+        tuple[int, ...], it("of `points`: numbers of the measurements in whose postures they are")
+    ] = ()
 
 
 @record
@@ -114,7 +121,10 @@ class Outlook:
     """Remedies by their predicted gain."""
 
     now: Annotated[OutlookRow, it("the answer as it is")]
-    remedies: Annotated[tuple[OutlookRow, ...], it("the largest gain first")]
+    remedies: Annotated[
+        tuple[OutlookRow, ...],
+        it("the largest gain first; last the mounting, then what takes another instrument"),
+    ]
     region: Annotated[TcpRegion, it("over which the error of the TCP is predicted, as in a result")]
     minutes_each: Annotated[float, it("of a measurement")]
     measured: Annotated[
@@ -237,9 +247,10 @@ class _Remedies:
         if not len(self.offsets):
             return None
         now = self.now
-        rows = [*self.by_postures(), *self.by_repeating(), *self.by_mounting(), *self.by_links()]
+        rows = [*self.by_postures(), *self.by_repeating(), *self.by_points()]
+        rows += [*self.by_mounting(), *self.by_links()]
         rows = [row for row in rows if row.gain > 0]
-        rows.sort(key=lambda row: (row.remedy == "mounting", -round(row.gain, 2), row.minutes))
+        rows.sort(key=lambda row: (_LAST.get(row.remedy, 0), -round(row.gain, 2), row.minutes))
         required = self.of.header.required
         return Outlook(
             now=now,
@@ -327,6 +338,23 @@ class _Remedies:
         if self.count == self.problem.shots <= _MOST:
             again = _with_repeats(self.of.roots)
             yield self._of_new_run("repeat", self.count, again, (), may_be=self.known_now)
+
+    def by_points(self) -> Iterator[OutlookRow]:
+        """A point of the flange is measured in some of the postures as well; they are driven to once more."""
+        of, again = self.of, repeated(self.problem)
+        if not of.header.only_tools or self.count > _MOST:
+            return
+        among = np.setdiff1d(np.arange(self.problem.shots), list(again))
+        points = best_points(self.problem, of.x, of.covariance, self.improvable, among, of.weight)
+        if points is None:
+            return
+        information = np.linalg.inv(of.covariance) + points.roots.T @ points.roots
+        covariance: Matrix = np.asarray(np.linalg.inv(information), dtype=float)
+        every = np.concatenate([of.roots.reshape(-1, len(covariance)), points.roots])
+        estimates = EstimatesOfArms.of_more(self.belief, covariance, points.roots if of.estimated else every)
+        determined = self.known_now | self._determined(every[:, None])
+        row = self._row("points", self.count, covariance, estimates, determined, POINTS_MIN)
+        yield replace(row, postures=tuple(self.problem.shot_numbers[k] for k in points.rows.tolist()))
 
     def by_mounting(self) -> Iterator[OutlookRow]:
         """What is assumed of the instruments is measured and stated."""

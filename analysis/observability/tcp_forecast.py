@@ -71,10 +71,22 @@ class EstimatesOfArms:
     @classmethod
     def of_new_run(cls, belief: ArmBelief, covariance: Matrix, roots: Matrix) -> Self:
         """Those of a new run of measurements with these roots (N, d, f); it has the `covariance` (f, f)."""
+        return cls._by(belief, covariance, roots, belief.mean + belief.deviations)
+
+    @classmethod
+    def of_more(cls, belief: ArmBelief, covariance: Matrix, roots: Matrix) -> Self:
+        """Those of measurements with these roots beside what the belief came of; they have the `covariance`
+        (f, f) together."""
+        drawn = belief.deviations @ np.linalg.inv(belief.covariance)
+        return cls._by(belief, covariance, roots, drawn)
+
+    @classmethod
+    def _by(cls, belief: ArmBelief, covariance: Matrix, roots: Matrix, drawn: Matrix) -> Self:
+        """`drawn` (D, f): arms times the information by which they are drawn to what is believed of them."""
         arms = belief.mean + belief.deviations
         rows = roots.reshape(-1, roots.shape[-1])
         noise = np.random.default_rng(_SEED + 1).normal(size=(len(arms), len(rows)))
-        errors = (arms - noise @ rows) @ covariance  # what the prior draws to 0, and what the noise does
+        errors = (drawn - noise @ rows) @ covariance
         return cls(arms - errors, errors)
 
 

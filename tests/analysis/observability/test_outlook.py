@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from cells import good_plan, pattern_plan, simulated
+from cells import good_plan, header, pattern_plan, simulated
 from plan_requests import plan_request
 
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.better_postures import PostureSearch, kept, usual_constraints
 from zerobeam.analysis.observability.check import Check
 from zerobeam.analysis.observability.clearance import arm_in_the_way
+from zerobeam.analysis.observability.flange_points import POINTS, SIGMA_MM
 from zerobeam.analysis.observability.outlook import COVERAGE, Outlook, OutlookRow, constraint_options
+from zerobeam.analysis.observability.predictions import predicted_covariance
 from zerobeam.analysis.observability.tcp_forecast import TcpForecast
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.experiments.plans.plan_options import PlanOptions
 from zerobeam.experiments.schema import json_schema
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.plan_file import USUAL, StatedConstraints
+from zerobeam.model.instruments.kind import Measurement
+from zerobeam.model.instruments.proposal import ON_FLANGE
+from zerobeam.model.likelihood.problem import Problem
 
+TRACKER_PLAN = Path(__file__).parents[2] / "support" / "tracker_by_guess.yaml"
 OFFSETS = {"delta2", "delta3", "delta4", "delta5"}
 
 
@@ -59,6 +67,48 @@ def test_a_mounting_that_is_measured_gives_what_the_header_then_gives() -> None:
     measured = expanded(check_plan(typical(tool=tool)))
     assert pytest.approx({name: measured[name] for name in row.U}, rel=1e-3) == row.U
     assert set(row.U) == OFFSETS | {"delta6"}
+
+
+TRACKER = {
+    "tracker": {
+        "kind": "tracker",
+        "guess_mm": [3000, 500, 800],
+        "sigma_mm": SIGMA_MM,
+        "reflectors": {"R1": {"guess_mm": list(ON_FLANGE)}},
+    }
+}
+
+
+@pytest.mark.parametrize("shots", [7, 20])
+def test_points_of_a_tracker_give_what_a_plan_with_both_instruments_gives(shots: int) -> None:
+    """The whole problem of laser and tracker, with place and reflector among its parameters."""
+    plan = typical(shots)
+    (row,) = rows(outlook_of(plan), "points")
+    assert len(set(row.postures)) == POINTS
+    own = header(target=(900.0, 0.0, 0.0), geometry=None, instruments=TRACKER)
+    laser, at = Problem.from_plan(plan), list(row.postures)
+    x = laser.nominal()
+    joints = np.concatenate([check_joints(laser, x), check_joints(laser, x)[at]])
+    measured = [[Measurement("tool", "", "psd", {})]] * shots + [[Measurement("tracker", "R1", None, {})]] * 4
+    problem = Problem.of_measured(own, plan.robot, joints, measured, planned=True)
+    problem = problem.at_predicted(problem.nominal())
+    variances = np.diag(predicted_covariance(problem, problem.nominal()))
+    items = [item for item in problem.parameters.items if not item.held]
+    expected = {
+        item.name: COVERAGE * np.sqrt(variance) * item.prior_std * item.display
+        for item, variance in zip(items, variances, strict=True)
+        if item.name in row.U
+    }
+    assert pytest.approx(expected, rel=0.01) == row.U
+
+
+def check_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """As a check aims them."""
+    return aim(problem, x, servo_joints(problem)).problem.joints
+
+
+def test_no_points_are_proposed_to_who_measures_points() -> None:
+    assert rows(outlook_of(read_plan(TRACKER_PLAN)), "points") == []
 
 
 def test_what_rests_on_an_exact_tool_is_never_said_to_be_improved() -> None:

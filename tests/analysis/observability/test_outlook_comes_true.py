@@ -13,21 +13,31 @@ import pytest
 from cells import good_plan, header, irb1600
 from deviating_arms import Arms, Sizes
 from plan_requests import plan_request
+from scipy.spatial.transform import Rotation
 
 from zerobeam.analysis.diagnostics.values_to_enter import controller_arm, held_by_a_robot, values_to_enter
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.observability.flange_points import SIGMA_MM
 from zerobeam.analysis.observability.outlook import COVERAGE, OutlookRow
 from zerobeam.analysis.tcp_positions import default_point
 from zerobeam.analysis.tcp_region import region_postures
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
+from zerobeam.model.instruments.kind import Measurement
 from zerobeam.model.likelihood.problem import Problem
 
 TARGET = (900.0, 0.0, 0.0)
 OFFSETS = ("delta2", "delta3", "delta4", "delta5")
 LASER = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
-REMEDIES = ("none", "postures", "more 12", "more 20", "repeat", "mounting", "links")
+REMEDIES = ("none", "postures", "more 12", "more 20", "repeat", "points", "mounting", "links")
+TRACKER = {
+    "kind": "tracker",
+    "guess_mm": [3000, 500, 800],
+    "sigma_mm": SIGMA_MM,
+    "reflectors": {"R1": {"guess_mm": [60, 0, 60]}},
+}
+REFLECTOR = np.array([75.0, -10.0, 50.0])
 
 
 class Achieved(NamedTuple):
@@ -63,7 +73,8 @@ def achieved(remedy: str, count: int, candidates: int) -> Achieved:
         postures = np.concatenate([postures, postures[:2]])
     assert len(postures) == row.shots + (2 if row.options or remedy == "repeat" else 0)
     tool: dict[str, Any] = LASER if tilt is None else {**LASER, "sigma": {"tilt_deg": tilt}}
-    own = header(tool, target=TARGET, geometry=None)
+    more = {"instruments": {"tracker": TRACKER}} if remedy == "points" else {}
+    own = header(tool, target=TARGET, geometry=None, **more)
     names = [name for name in (*OFFSETS, "delta6") if name in row.U]
     rng = np.random.default_rng(2014)
     arms = Arms.at_random(count, rng, Sizes(tilt_deg=0.05 if tilt is None else tilt, lost_deg=0.0))
@@ -72,7 +83,11 @@ def achieved(remedy: str, count: int, candidates: int) -> Achieved:
     with one_blas_thread():
         for k in range(count):
             seen = joints[k][hit[k]]
-            problem = Problem.build(own, irb1600(), seen, ["psd"] * len(seen))
+            measured = [[Measurement("tool", "", "psd", {})] for _ in seen]
+            if remedy == "points":
+                points, read = _points(arms, k, postures[list(row.postures)], rng)
+                seen, measured = np.concatenate([seen, points]), measured + read
+            problem = Problem.of_measured(own, irb1600(), seen, measured)
             solution = solve_run(problem, own)
             places = [solution.problem.parameters.index(name) for name in names]
             U.append(np.degrees(COVERAGE * solution.std[places]))
@@ -86,12 +101,28 @@ def achieved(remedy: str, count: int, candidates: int) -> Achieved:
     return Achieved(np.array(U), np.array(errors), np.array(tcp))
 
 
+def _points(
+    arms: Arms, k: int, postures: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, list[list[Measurement]]]:
+    """Recorded joints of postures that are driven to, and the positions that a tracker reads there."""
+    sizes, alone = arms.sizes, arm_alone(arms, k)
+    at = alone.tcp(postures[None], REFLECTOR)[0]
+    turned = Rotation.from_rotvec([0.2, -0.1, 2.5]).inv()
+    read = turned.apply(at - [2900.0, 600.0, 700.0]) + SIGMA_MM * rng.normal(size=at.shape)
+    lost = np.radians(sizes.lost_deg) / 2 * rng.choice([-1.0, 1.0], size=postures.shape)
+    joints = postures + lost + np.radians(sizes.joint_noise_deg) * rng.normal(size=postures.shape)
+    return joints, [[Measurement("tracker", "R1", None, {"measured_mm": one})] for one in read.tolist()]
+
+
+def arm_alone(arms: Arms, k: int) -> Arms:
+    return replace(arms, **{part: getattr(arms, part)[k : k + 1] for part in PARTS})
+
+
 def _off(arms: Arms, k: int, problem: Problem, model: np.ndarray) -> np.ndarray:
     """(P,) mm by which arm `k` has its TCP off where a controller with that model (a,) takes it to be."""
     region = region_postures(problem, 256)
     point = default_point(problem, ["held"] * len(problem.parameters))[0]
-    alone = replace(arms, **{part: getattr(arms, part)[k : k + 1] for part in PARTS})
-    true = alone.tcp(np.broadcast_to(region, (1, *region.shape)), point)[0]
+    true = arm_alone(arms, k).tcp(np.broadcast_to(region, (1, *region.shape)), point)[0]
     model = model.copy()
     model[0] = 0.0
     (placed,) = problem.functions.kernel("place")(region, model, point)
