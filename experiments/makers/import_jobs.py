@@ -389,13 +389,16 @@ def _ranges_told(robot: Robot, joints: Matrix) -> list[str]:
 class TaughtPoint(NamedTuple):
     """A point of the file: degrees (mm if prismatic), or None where it is Cartesian or was not taught.
 
-    `number` is that of the posture of a plan, where a program of zerobeam recorded the point.
+    `number` is that of the posture of a plan, where a program of zerobeam recorded the point. `unread` says
+    why it is not understood; `external`: it has other axes besides that are not at 0.
     """
 
     name: str
     joints: tuple[float, ...] | None
     line: int
     number: int | None = None
+    unread: str = ""
+    external: bool = False
 
 
 def import_points(
@@ -419,7 +422,12 @@ def import_points(
             points = _chosen(parse(read_other_text(path), path), names)
             rows = [_joints(point, job.robot) for point in points]
         joints = pendant.between_links(np.array(rows))
-        listed = f"  points in their order: {', '.join(point.name for point in points)}"
+        listed = [f"  points in their order: {', '.join(point.name for point in points)}"]
+        if external := [point.name for point in points if point.external]:
+            listed.append(
+                f"  note: external axes are not at 0 in {', '.join(external)}, and are ignored: they must"
+                " carry neither the arm nor the target"
+            )
         lines = [point.line for point in points]
         numbers = [point.number for point in points if point.number is not None]
         parts.append(
@@ -430,7 +438,7 @@ def import_points(
                 [target] * len(points),
                 lines=lines,
                 numbers=numbers if len(numbers) == len(points) else None,
-                notes=[listed],
+                notes=listed,
             )
         )
     return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
@@ -454,6 +462,13 @@ def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None) -> list[
 
 
 def _joints(point: TaughtPoint, robot: Robot) -> tuple[float, ...]:
+    if point.unread:
+        raise BadInput(
+            f"point {point.name} cannot be read",
+            found=point.unread,
+            remedy="save the file as text again, or name the points to use (--points)",
+            line=point.line,
+        )
     if point.joints is None:
         raise BadInput(
             f"point {point.name} has no joint values",

@@ -1,4 +1,4 @@
-"""A format of a maker whose language has a statement a line: its programs, its reader, its mark."""
+"""A format of a maker whose programs have named positions: its programs, its reader, its mark."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from .maker import FormatMark, PointNames
 
 if TYPE_CHECKING:
     from ...model.files.plan import Plan
+    from ..positions.position import JointLanguage
     from .format_options import ProgramMotion
     from .import_jobs import Imported, ImportJob, TaughtPoint
-    from .line_language import LineLanguage
 
 Named = Callable[[str, "list[TaughtPoint]"], "list[TaughtPoint]"]
 
@@ -21,12 +21,14 @@ def _as_written(text: str, points: "list[TaughtPoint]") -> "list[TaughtPoint]":
 
 
 class LineParts(NamedTuple):
-    """The language; `program` writes that of a plan and a motion, by the path of its file, as one text or as
-    several by path. `named` gives the positions of a text names, where they have numbers only."""
+    """The language, None where no positions are read; `program` writes that of a plan and a motion, by the
+    path of its file, as one text or as several by path. `named` gives the positions of a text names, where
+    they have numbers only. `digits` are the decimals of joints that the controller saves."""
 
-    language: "LineLanguage"
+    language: "JointLanguage | None"
     program: Callable[..., str | Mapping[Path, str]]
     named: Named = _as_written
+    digits: int = 4
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,6 @@ class LineFormat:
     """`parts` are loaded once they are used."""
 
     parts: Callable[[], LineParts]
-
-    def language(self) -> "LineLanguage":
-        return self.parts().language
 
     def program(self, plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
         """The files of a plan's program."""
@@ -49,12 +48,13 @@ class LineFormat:
         def points(text: str, path: Path) -> "list[TaughtPoint]":
             from .taught_positions import written_points
 
-            language, _, named = self.parts()
+            language, _, named, _ = self.parts()
+            assert language is not None
             return named(text, written_points(language, text, path))
 
         return FormatMark(pattern, why, points)
 
-    def reader(self, about: str, vendor: Any, note: str, *, log: str | None = None) -> Callable[..., Any]:
+    def reader(self, about: str, *, log: str | None = None) -> Callable[..., Any]:
         """Reads positions that were taught, or recorded by a plan's program; with `log` also what that
         prints. `about` is the help."""
 
@@ -64,8 +64,9 @@ class LineFormat:
 
             if log is not None and points is None and is_program_log(job):
                 return import_program_log(job, source=log)
-            language, _, named = self.parts()
-            return import_taught(language, job, points=points, vendor=vendor, note=note, named=named)
+            language, _, named, digits = self.parts()
+            assert language is not None
+            return import_taught(language, job, points=points, digits=digits, named=named)
 
         read.__doc__ = about
         return read

@@ -32,7 +32,9 @@ from typing import Any
 from lark import Lark, TextSlice, Token, Tree
 from lark.exceptions import UnexpectedInput
 
+from ...model.files.robot_file import Vendor
 from ...model.kinematics.robot import PendantUnit
+from ..positions.position import BackupReading, JointLanguage
 from .maker import blanked
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -158,3 +160,30 @@ def is_a_pose(tree: Tree[Token], joints_follow: bool | None) -> bool | None:
     if tree.data == "entry":
         return not joints_follow
     return None if list(tree.find_data("numbers")) else bool(list(tree.find_data("pose")))
+
+
+def joint_language(language: LineLanguage, vendor: Vendor) -> JointLanguage:
+    """The language as `import` reads it."""
+
+    def read(reading: BackupReading) -> None:
+        for file in reading.files:
+            spans = set()
+            for begin, _, tree in language.statements(file.text):
+                kinds = ("position", "entry", "at", "tool", "frame", "definition")
+                for part in () if tree is None else reversed([*tree.iter_subtrees()]):
+                    values = tokens(part, "VALUE") if part.data in kinds else []
+                    if not values:
+                        continue
+                    places = [span(value) for value in values]
+                    spans.add((places[0][0], places[-1][1]))
+                    if part.data in ("tool", "frame", "definition"):
+                        continue
+                    names = tokens(part, "NAME")
+                    label = str(names[0]) if names else f"line {file.line(begin)}"
+                    axes = None if is_a_pose(part, None) else range(len(places))
+                    reading.add(file, begin, label, label, places, axes=axes)
+            for begin, end in language.literals(file.text):
+                if (begin, end) not in spans:
+                    reading.unread(file, begin, "a position of the program is not understood")
+
+    return JointLanguage(language.name, vendor, (), read, remark=language.remark, unit=language.unit)

@@ -1,4 +1,4 @@
-"""Positions of programs in a language of lines, taught or recorded, as measurements."""
+"""Positions of programs, taught or recorded, as measurements: of the readers in `experiments/positions`."""
 
 from __future__ import annotations
 
@@ -8,75 +8,44 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput, located
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant
-from ...model.kinematics.robot import Robot
-from ...model.parsing.reading import line_numbers
+from ..positions.position import BackupReading, JointLanguage, SourceFile, TaughtPosition
 from .import_jobs import Imported, ImportJob, TaughtPoint, import_points
 from .joint_text import require_same_plan, required_plan
-from .line_language import FOLLOW, LineLanguage, capitals, is_a_pose, span, tokens
 
 # Of a plan's program: planned, measured, via.
 POSTURE = re.compile(r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE)
+Named = Callable[[str, list[TaughtPoint]], list[TaughtPoint]]
 
 
-def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -> list[TaughtPoint]:
-    """All positions of a program, as `written_points`. Joints are degrees as the controller counts them."""
-    per_degree = Pendant(robot).per_degree(language.unit)
-
-    def in_degrees(point: TaughtPoint) -> TaughtPoint:
-        if point.joints is None:
-            return point
-        numbers = np.array(point.joints)
-        numbers[: robot.n] /= per_degree[: len(numbers)]
-        return point._replace(joints=tuple(numbers.tolist()))
-
-    return [in_degrees(point) for point in written_points(language, text, path)]
-
-
-def written_points(language: LineLanguage, text: str, path: Path) -> list[TaughtPoint]:
+def written_points(
+    language: JointLanguage,
+    text: str,
+    path: Path,
+    posed: Callable[[TaughtPosition], tuple[float, ...] | None] = lambda one: None,
+) -> list[TaughtPoint]:
     """All positions of a program, in its order: those that have a name, and those in motions ("line 12").
 
-    Joints are in the unit of the language. BadInput for what looks like joints or a pose and is not
-    understood.
+    Joints are in the unit of the language; a pose has those that `posed` gives. BadInput where the text is
+    not whole.
     """
-    points, spans, line_of = [], set(), line_numbers(text)
-    joints_follow: bool | None = None
-    for begin, _, tree in language.statements(text):
-        if tree is None:
-            continue
-        line = line_of(begin)
-        if tree.data in FOLLOW:
-            joints_follow = FOLLOW[tree.data]
-        kinds = ("position", "entry", "at", "tool", "frame", "definition")
-        for part in (each for each in reversed([*tree.iter_subtrees()]) if each.data in kinds):
-            values = tokens(part, "VALUE")
-            if not values:
-                continue
-            spans.add((span(values[0])[0], span(values[-1])[1]))
-            if part.data in ("tool", "frame", "definition"):
-                continue
-            names = tokens(part, "NAME")
-            is_pose = is_a_pose(part, joints_follow)
-            if is_pose is None and POSTURE.fullmatch(str(names[0])):
-                is_pose = False
-            joints = tuple(float(value) for value in values) if is_pose is False else None
-            name = f"line {line}"
-            if names:
-                written = text[slice(*span(names[0]))]
-                name = written if capitals(written) == capitals(names[0]) else str(names[0])
-            points.append(TaughtPoint(name, joints, line))
-    for begin, end in language.literals(text):
-        if (begin, end) not in spans:
-            raise BadInput(
-                "a position of the program is not understood",
-                found=" ".join(text[begin:end].split())[:60],
-                remedy="save the program as text again, or import the positions as csv",
-                file=path,
-                line=line_of(begin),
-            )
-    return points
+    reading = BackupReading([SourceFile(path.name, text, language.remark)])
+    language.read(reading)
+    points = []
+    for one in reading.positions:
+        joints = one.values if one.kind == "joints" else posed(one)
+        points.append(TaughtPoint(one.label, joints, one.line, external=one.external))
+        if one.axes != tuple(range(len(one.axes))):
+            points[-1] = points[-1]._replace(unread=f"{one.label} does not state all joints")
+    for line in reading.refused:
+        if line.unread == "":
+            raise BadInput(line.sentence, remedy="save it as text again", file=path, line=line.line)
+        if line.unread is not None:
+            points.append(TaughtPoint(line.unread, None, line.line, unread=line.sentence))
+    return sorted(points, key=lambda point: point.line)
 
 
 def named_by_remarks(
@@ -104,27 +73,36 @@ def named_by_remarks(
 
 
 def import_taught(
-    language: LineLanguage,
+    language: JointLanguage,
     job: ImportJob,
     *,
     points: Sequence[str] | None,
-    vendor: str,
-    note: str,
-    named: Callable[[str, list[TaughtPoint]], list[TaughtPoint]] = lambda text, taught: taught,
+    digits: int,
+    named: Named,
 ) -> Imported:
     """Measurements at the positions of programs that were taught, or of a plan's program: what it recorded
     (zb_m0, zb_m1, …), or its postures (zb_p0, …) where they were taught again with the beam on the target.
 
-    `named` gives the positions of a text these names, in a language whose positions have numbers. Postures
-    that are still as the plan has them are left out; BadInput for the program of another plan.
+    `digits` are the decimals of joints that the controller saves, `named` gives the positions of a text these
+    names, in a language whose positions have numbers. Postures that are still as the plan has them are left
+    out; BadInput for the program of another plan.
     """
+    per_degree = Pendant(job.robot).per_degree(language.unit)
+    digit = 10.0**-digits / np.abs(per_degree)
+
+    def in_degrees(point: TaughtPoint) -> TaughtPoint:
+        if point.joints is None:
+            return point
+        numbers = np.array(point.joints)
+        numbers[: job.robot.n] /= per_degree[: len(numbers)]
+        return point._replace(joints=tuple(numbers.tolist()))
 
     def parse(text: str, path: Path) -> list[TaughtPoint]:
         with located(path):
             for number, content in enumerate(text.split("\n"), start=1):
                 with located(path, number):
                     require_same_plan(content, job)
-        taught = named(text, taught_points(language, text, job.robot, path))
+        taught = [in_degrees(point) for point in named(text, written_points(language, text, path))]
         ours = [(point, match) for point in taught if (match := POSTURE.fullmatch(point.name))]
         if points is not None or not ours:
             return taught
@@ -141,7 +119,7 @@ def import_taught(
         measured = [
             point._replace(number=int(match[2]))
             for point, match in ours
-            if match[1].lower() == recorded and not _as_planned(language, plan, point, int(match[2]))
+            if match[1].lower() == recorded and not _as_planned(digit, plan, point, int(match[2]))
         ]
         if not measured:
             raise BadInput(
@@ -152,17 +130,20 @@ def import_taught(
             )
         return measured
 
-    return import_points(job, parse, names=points, vendor=vendor, note=note)
+    note = f"{language.name}: positions in joints, {_UNITS[language.unit]}, joint 1 first"
+    return import_points(job, parse, names=points, vendor=language.vendor, note=note)
 
 
-def _as_planned(language: LineLanguage, plan: Plan, point: TaughtPoint, number: int) -> bool:
-    """Whether a posture of the plan's program is still as the plan has it, to the program's digits."""
+_UNITS = {"deg": "degrees", "rad": "radians", "pulse": "pulses by pulses_per_deg of the robot file"}
+
+
+def _as_planned(digit: Matrix, plan: Plan, point: TaughtPoint, number: int) -> bool:
+    """Whether a posture of the plan's program is still as the plan has it, to the last `digit` (n,) of the
+    program, degrees."""
     if point.joints is None or not number < len(plan.postures):
         return False
     if len(point.joints) < plan.robot.n:
         return False
     pendant = Pendant(plan.robot)
     planned = pendant.counted(plan.postures[number] * plan.robot.display)
-    decimals = language.joint_decimals if language.saved_decimals is None else language.saved_decimals
-    digits = 10.0**-decimals / np.abs(pendant.per_degree(language.unit))
-    return bool((np.abs(np.array(point.joints[: plan.robot.n]) - planned) <= digits).all())
+    return bool((np.abs(np.array(point.joints[: plan.robot.n]) - planned) <= digit).all())

@@ -11,7 +11,9 @@ _I = re.IGNORECASE
 _SECTION = re.compile(r"\.([A-Z][A-Z0-9_]*)(?:[ \t].*|[ \t]*)", _I)
 _INDEX = r"(?:\[[^\]]*\])?"
 _ENTRY = re.compile(
-    rf"[ \t]*(?P<name>#?[\w.$]+{_INDEX})[ \t]+(?P<values>{NUMBER}(?:[ \t]*,?[ \t]*{NUMBER})*)[ \t]*", _I
+    rf"[ \t]*(?P<name>#?[\w.$]+{_INDEX})[ \t]+"
+    rf"(?P<values>{NUMBER}(?:(?:[ \t]*,[ \t]*|[ \t]+){NUMBER})*)[ \t]*",
+    _I,
 )
 _SYSTEM = re.compile(rf"(TOOL|BASE)((?:[ \t]+{NUMBER}){{6}})[ \t]*", _I)
 _MODEL = re.compile(r"^ZROBOT\.TYPE\b[^\n]*?[ \t]([A-Z]{2}\w+-\w+)", re.MULTILINE)
@@ -60,7 +62,7 @@ def _sections(file: SourceFile, reading: BackupReading, stored: set[str]) -> lis
             numbers = [float(each) for each in system[2].split()]
             reading.frame(file, line.start(), what, "sysdata", from_zyz(numbers))
     if section in ("PROGRAM", "TRANS", "JOINTS"):
-        reading.refuse(file, len(file.text), f"the file ends before .END of .{section}")
+        reading.unread(file, len(file.text), f"the file ends before .END of .{section}")
     return programs
 
 
@@ -71,11 +73,11 @@ def _entry(
         return None
     entry = _ENTRY.fullmatch(line[0])
     if entry is None or entry["name"].startswith("#") != joints:
-        return reading.refuse(file, line.start(), "this position is not understood")
+        return reading.unread(file, line.start(), "this position is not understood")
     spans = numbers_in(entry["values"], line.start() + entry.start("values"))
     name, label = _plain(entry["name"]), entry["name"]
     if len(spans) < 6:
-        return reading.refuse(file, line.start(), f"{label} has {len(spans)} numbers")
+        return reading.unread(file, line.start(), f"{label} has {len(spans)} numbers", label)
     if name in stored:
         reading.refuse(file, line.start(), f"{label} is listed twice: convert one saved file alone")
     stored.add(name)
@@ -181,7 +183,7 @@ def _goals(file: SourceFile, pos: int, goal: str, reading: BackupReading, stored
         _literal(file, at, goal, name, f"line {file.line(at)}", reading)
         return [name]
     if goal.startswith("#["):
-        reading.refuse(file, at, "this position is not understood")
+        reading.unread(file, at, "this position is not understood")
         return []
     if _NAME.fullmatch(goal) is None:
         reading.computed(file, pos, goal)
@@ -200,5 +202,5 @@ def _literal(file: SourceFile, at: int, text: str, name: str, label: str, readin
     external = [float(file.text[slice(*span)]) for span in spans[6:]]
     axes = range(6) if text.startswith("#") else None
     if len(spans) < 6:
-        return reading.refuse(file, at, f"{label} has {len(spans)} numbers")
+        return reading.unread(file, at, f"{label} has {len(spans)} numbers", label)
     return reading.add(file, at, name, label, spans[:6], axes=axes, external=external)

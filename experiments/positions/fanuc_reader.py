@@ -14,7 +14,7 @@ _TURNS = r"-?\d+[ \t]*,[ \t]*-?\d+[ \t]*,[ \t]*-?\d+"
 _CONFIGURED = re.compile(rf"(?:CONFIG[ \t]*:[ \t]*'|Config:[ \t]*)([A-Z ]*[A-Z])[ \t]*,[ \t]*({_TURNS})")
 _VALUE = re.compile(rf"\b([XYZWPR]|[JE]\d|EXT\d)[ \t]*[=:][ \t]*(\*+|{NUMBER})(?:[ \t]*(deg|mm))?")
 _FRAMES = re.compile(r"UF[ \t]*:[ \t]*(\d+|F)[ \t]*,[ \t]*UT[ \t]*:[ \t]*(\d+|F)")
-_ENTRY = re.compile(r"^[ \t]*\[(\d+),(\d+)\][ \t]*=[^\n]*", _M)
+_ENTRY = re.compile(r"^[ \t]*\[(\d+),(\d+)\][ \t]*=(?:[ \t]*'[^'\n]*')?", _M)
 _VARIABLE = re.compile(r"^\[\*\w+\*\](\$\w+)[^\n]*", _M)
 _STATEMENT = re.compile(r"^[ \t]*\d*[ \t]*:(?P<body>(?:[^;\n]|\n[ \t]*:)*);", _M)
 _GOAL = re.compile(r"\bP(R?)\[\s*(?:GP\d+\s*:\s*)?(\d+)?[^\]]*\]")
@@ -27,7 +27,7 @@ _ASSIGNED = re.compile(r"\s*P(R?)\[\s*(?:GP1\s*:\s*)?(\d+)?[^\]]*\]\s*=")
 def read_fanuc(reading: BackupReading) -> None:
     """Frames, registers and listings of a backup."""
     for file in reading.files:
-        if file.suffix == ".va":
+        if _VARIABLE.search(file.text):
             _variables(file, reading)
         elif re.search(r"^/(?:PROG|POS)\b", file.text, _M):
             _listing(file, reading)
@@ -43,9 +43,7 @@ def _variables(file: SourceFile, reading: BackupReading) -> None:
         for head, stop in zip(heads, [*(each.start() for each in heads[1:]), end], strict=False):
             taught = head[1] == "1" and "Uninitialized" not in file.text[head.start() : stop]
             if taught and part[1] == "$POSREG":
-                _position(
-                    file, f"PR[{head[2]}]", f"PR[{head[2]}]", head.start(1), head.start(), stop, reading
-                )
+                _position(file, f"PR[{head[2]}]", f"PR[{head[2]}]", head.start(1), head.end(), stop, reading)
             elif taught and part[1] in ("$MNUFRAME", "$MNUTOOL"):
                 values = {key: text for key, text, _ in _VALUE.findall(file.text[head.end() : stop])}
                 known = set("XYZWPR") <= set(values) and "*" not in "".join(values.values())
@@ -57,18 +55,18 @@ def _variables(file: SourceFile, reading: BackupReading) -> None:
 def _listing(file: SourceFile, reading: BackupReading) -> None:
     parts = {match[1]: match for match in re.finditer(r"^/(MN|POS|END)\b", file.text, _M)}
     if list(parts) != ["MN", "POS", "END"]:
-        return reading.refuse(file, 0, "this is no whole listing: /MN, /POS and /END are its parts")
+        return reading.unread(file, 0, "this is no whole listing: /MN, /POS and /END are its parts")
     at, end = parts["POS"].end(), parts["END"].start()
     for point in [*_POINT.finditer(file.text, at, end), None]:
         gap = file.text[at : end if point is None else point.start()]
         if gap.strip():
-            reading.refuse(file, at + len(gap) - len(gap.lstrip()), "this position is not understood")
+            reading.unread(file, at + len(gap) - len(gap.lstrip()), "this position is not understood")
         if point is not None:
             label, at = f"P[{int(point['number'])}]", point.end()
             groups = [*_GROUP.finditer(file.text, *point.span("block"))]
             stops = [*(group.start() for group in groups[1:]), point.end("block")]
             if [group[1] for group in groups[:1]] != ["1"]:
-                reading.refuse(file, point.start("number"), f"{label} has no group 1")
+                reading.unread(file, point.start("number"), f"{label} has no group 1", label)
                 continue
             name = f"{file.name}:{label}"
             _position(file, name, label, point.start("number"), groups[0].end(), stops[0], reading)
@@ -84,17 +82,15 @@ def _listing(file: SourceFile, reading: BackupReading) -> None:
 def _position(
     file: SourceFile, name: str, label: str, pos: int, start: int, stop: int, reading: BackupReading
 ) -> None:
-    fields = list(_VALUE.finditer(file.text, start, stop))
+    fields, register = list(_VALUE.finditer(file.text, start, stop)), label[:2] == "PR"
     spans = {match[1]: match.span(2) for match in fields if match[1][0] != "E"}
-    if (
-        not fields
-        or len({match[1] for match in fields}) < len(fields)
-        or any("*" in match[2] for match in fields)
-    ):
-        return reading.refuse(file, pos, f"{label} is not taught, or states a value twice")
+    taught = bool(fields) and not any("*" in match[2] for match in fields)
+    # A register that holds no joints is of no interest to who looks for joints.
+    unread = None if register and not any(match[1][0] == "J" for match in fields) else label
+    if not taught or len({match[1] for match in fields}) < len(fields):
+        return reading.unread(file, pos, f"{label} is not taught, or states a value twice", unread)
     external = [float(match[2]) for match in fields if match[1][0] == "E"]
     units = {match[3] for match in fields if match[1] in spans}
-    register = label[:2] == "PR"
     if list(spans) == [f"J{i}" for i in range(1, len(spans) + 1)] and units == {"deg"}:
         axes = range(len(spans))
         return reading.add(
@@ -102,7 +98,7 @@ def _position(
         )
     configured, frames = _CONFIGURED.search(file.text, start, stop), _FRAMES.search(file.text, start, stop)
     if list(spans) != list("XYZWPR") or configured is None:
-        return reading.refuse(file, pos, f"{label} is not understood")
+        return reading.unread(file, pos, f"{label} is not understood", unread)
     numbers = (
         [None if each == "F" else str(int(each)) for each in frames.groups()] if frames else [None, None]
     )

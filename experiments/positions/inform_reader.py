@@ -48,10 +48,10 @@ def _job(file: SourceFile, reading: BackupReading) -> None:
     parts = {(match[1] or "END").upper(): match for match in _PART.finditer(file.bare)}
     counts = _COUNTS.search(file.bare)
     if list(parts) != ["POS", "INST", "END"] or counts is None:
-        return reading.refuse(file, 0, "this is no whole job: //POS, ///NPOS, //INST and END are its parts")
+        return reading.unread(file, 0, "this is no whole job: //POS, ///NPOS, //INST and END are its parts")
     counted = _positions(file, parts["POS"].end(), parts["INST"].start(), reading)
     if counted != (int(counts[1]), int(counts[2])):
-        reading.refuse(
+        reading.unread(
             file, counts.start(), f"///NPOS states {counts[1]} C and {counts[2]} P; there are {counted}"
         )
     for line in re.finditer(r"[^\n]+", file.bare[: parts["END"].start()]):
@@ -77,7 +77,7 @@ def _positions(file: SourceFile, start: int, end: int, reading: BackupReading) -
             elif word == "RCONF":
                 configuration = numbers_in(section[2], line.start() + section.start(2))[:6]
         elif entry is None:
-            reading.refuse(file, line.start(), "this position is not understood")
+            reading.unread(file, line.start(), "this position is not understood")
         elif entry["name"].upper() in counts:
             counts[entry["name"].upper()] += 1
             _position(file, line.start(), entry, state, configuration, reading)
@@ -109,9 +109,11 @@ def _position(
     frame = {"ROBOT": "base", "BASE": "base", "USER": state.get("USER", "")}.get(postype or "", "")
     if form != "RECTAN" or len(spans) != 6 or not frame or not tool.isdecimal() or len(configuration) < 6:
         what = f"///{form or '?'}, ///POSTYPE {postype}, {len(spans)} numbers"
-        return reading.refuse(file, pos, f"{label} is not understood ({what})")
+        return reading.unread(file, pos, f"{label} is not understood ({what})", label)
     if file.text[slice(*configuration[2])] != "0":
-        return reading.refuse(file, pos, f"{label} is behind axis S: what is its upper arm is not published")
+        return reading.unread(
+            file, pos, f"{label} is behind axis S: what is its upper arm is not published", label
+        )
     frame = frame if frame == "base" else str(int(frame)) if frame.isdecimal() else "?"
     return reading.add(
         file,

@@ -15,6 +15,7 @@ _LITERAL = re.compile(
     r"\{\s*(?:\w+\s*:)?(?P<fields>\s*(?:[XYZABCST]|[AE][1-6])\s[^{}]*)\}",
     _I,
 )
+_UNCLOSED = re.compile(r"(\w+(?:\[\d+\])?)\s*=\s*\{\s*(?:\w+\s*:\s*)?(?:A\d|X)\s[^{}]*(?=\{|\Z)", _I)
 _FDAT = re.compile(r"\b(\w+)\s*=\s*\{[^{}]*?\bTOOL_NO\s+(-?\d+)\s*,\s*BASE_NO\s+(-?\d+)([^{}]*)", _I)
 _REMOTE = re.compile(r"(?:IPO_FRAME\s+|IPO_MODE\s*=\s*)#TCP\b", _I)
 _MOVE = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC|SPL|ASYPTP)(_REL)?\b\s*(?P<goals>.*)", _I)
@@ -26,6 +27,8 @@ _JUMP = re.compile(
 _ASSIGNED = re.compile(r"\s*([A-Z_]\w*(?:\[[^\]]*\])?)((?:\.\w+)*)\s*=(?!=)\s*(.*?)\s*", _I)
 _ADDED = re.compile(rf"(\w+)\.([XYZ])\s*([-+])\s*({NUMBER})", _I)
 _NAME = re.compile(r"[A-Z_]\w*(?:\[\s*\d+\s*\])?", _I)
+_BEGIN = re.compile(r"^[ \t]*DEFDAT\b", _I | re.MULTILINE)
+_END_OF_LIST = re.compile(r"^[ \t]*ENDDAT\b", _I | re.MULTILINE)
 _POSE, _AXES = "XYZABC", [f"A{i}" for i in range(1, 7)]
 
 
@@ -39,6 +42,10 @@ def read_krl(reading: BackupReading) -> None:
         }
         for literal in _LITERAL.finditer(file.bare):
             _literal(file, literal, reading)
+        for unclosed in _UNCLOSED.finditer(file.bare):
+            reading.unread(file, unclosed.start(), f"{unclosed[1]} has no }}", unclosed[1])
+        if _BEGIN.search(file.bare) and not _END_OF_LIST.search(file.bare):
+            reading.unread(file, 0, "the data list is incomplete: its last line, ENDDAT, is missing")
         for remote in _REMOTE.finditer(file.bare):
             reading.refuse(file, remote.start(), "#TCP: the arm holds the work (remote TCP)")
     names = {one.name for one in reading.positions}
@@ -88,7 +95,7 @@ def _literal(file: SourceFile, literal: re.Match[str], reading: BackupReading) -
     if move is not None and move[1].upper() == "ASYPTP":
         return None
     if (name is None and move is None) or literal["fields"].count(",") + 1 != len(fields):
-        return reading.refuse(file, pos, f"{label}: it is not said what this position is, or for")
+        return reading.unread(file, pos, f"{label}: it is not said what this position is, or for", label)
     if axes and not set(fields) & set("XYZBC"):
         return reading.add(
             file, pos, key, label, [fields[_AXES[i]] for i in axes], axes=axes, external=external

@@ -55,7 +55,7 @@ def _entry(
     name = _plain(label)
     if literal is None:
         if re.fullmatch(r"\([-+.\d\s,*#]*\)?.*", entry[3]) and not re.search(r"[A-Z]", entry[3], _I):
-            reading.refuse(file, pos, f"{label}: this position is not understood")
+            reading.unread(file, pos, f"{label}: this position is not understood", label)
         return None
     if name in stored:
         return reading.refuse(file, pos, f"the program overwrites the stored position {label}")
@@ -70,11 +70,11 @@ def _literal(
     flags = numbers_in(literal[2], pos + literal.start(2))
     external = [float(file.text[slice(*span)]) for span in spans[6:]]
     if len(spans) < 6:
-        return reading.refuse(file, pos, f"{label} has {len(spans)} numbers")
+        return reading.unread(file, pos, f"{label} has {len(spans)} numbers", label)
     if label[0] in "jJ" and not flags:
         return reading.add(file, pos, name, label, spans[:6], axes=range(6), external=external, register=True)
     if len(flags) != 2 or label[0] in "jJ" or float(file.text[slice(*flags[1])]):
-        return reading.refuse(file, pos, f"{label}: turns of joints, or no flags, are not understood")
+        return reading.unread(file, pos, f"{label}: turns of joints, or no flags, are not understood", label)
     register = name.endswith(f":{_plain(label)}")
     return reading.add(
         file, pos, name, label, spans[:6], flags, external=external, register=register, frame="0"

@@ -70,7 +70,8 @@ class TaughtPosition:
 
     `name` is that by which statements name it, unique in the backup, `label` that of people. `tool` and
     `frame` are names where its own data state them; `configuration` has the texts of `configuration_spans`.
-    A `register` holds a place or an offset: it is a position where a statement moves to it.
+    A `register` holds a place or an offset: it is a position where a statement moves to it. `external`: it
+    has axes besides those of the arm that are not at 0.
     """
 
     file: SourceFile
@@ -85,6 +86,7 @@ class TaughtPosition:
     configuration_spans: tuple[Span, ...] = ()
     group: int = 1
     register: bool = False
+    external: bool = False
 
     @cached_property
     def values(self) -> tuple[float, ...]:
@@ -132,11 +134,13 @@ class DoubtfulLine:
 
 @dataclass(frozen=True)
 class RefusedLine:
-    """A line for which the backup cannot be converted."""
+    """A line for which the backup cannot be converted. `unread` is the label of a position there that is not
+    understood, empty where it has none; None: positions are read, and something else is the reason."""
 
     file: SourceFile
     line: int
     sentence: str
+    unread: str | None = None
 
 
 @dataclass
@@ -174,9 +178,9 @@ class BackupReading:
             self.refuse(
                 file, pos, f"{label} has positions of external axes, which may carry the arm or the work"
             )
-            return
         kind: Literal["cartesian", "joints"] = "cartesian" if axes is None else "joints"
         one = TaughtPosition(file, name, label, file.line(pos), kind, tuple(spans), **others)
+        one = replace(one, external=any(external))
         one = replace(one, axes=tuple(axes or ()), configuration_spans=tuple(configuration))
         self.positions.append(one)
 
@@ -193,6 +197,10 @@ class BackupReading:
     def refuse(self, file: SourceFile, pos: int, sentence: str) -> None:
         """A line for which nothing is converted."""
         self.refused.append(RefusedLine(file, file.line(pos), sentence))
+
+    def unread(self, file: SourceFile, pos: int, sentence: str, label: str | None = "") -> None:
+        """A position that is not understood, of this label; None: one that nobody looks for by itself."""
+        self.refused.append(RefusedLine(file, file.line(pos), sentence, label))
 
     def computed(self, file: SourceFile, pos: int, text: str) -> None:
         """A goal that is known when the program runs."""
@@ -309,11 +317,25 @@ AT_RUN_TIME = "?"  # a name that is no name: which one is known when the program
 
 
 @dataclass(frozen=True)
-class PositionLanguage:
-    """How positions of a language are read and written.
+class JointLanguage:
+    """How positions of a language are read: `read` adds to a BackupReading; joints are in `unit`. `remark` is
+    the pattern of its remarks."""
 
-    `read` adds to a BackupReading; `pose` makes a transform of numbers and `pose_numbers` the reverse, which
-    are written with `pose_decimals`; joints are in `unit` with `joint_decimals`. `matches` says whether
+    name: str
+    vendor: Vendor
+    endings: tuple[str, ...]
+    read: Callable[[BackupReading], None]
+    _: KW_ONLY
+    remark: str = "(?!)"
+    unit: PendantUnit = "deg"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionLanguage(JointLanguage):
+    """How positions of a language are written, besides.
+
+    `pose` makes a transform of numbers and `pose_numbers` the reverse, which are written with
+    `pose_decimals`; joints with `joint_decimals`. `matches` says whether
     joints, degrees, with their branch have a stated configuration, `configuration` are its texts for joints.
     `up` and `by_joint2` are as of `Branches`. `null` are names of the tool and frame that are none; `form`
     shows what a pose is in options. `padded`: a number stands in the room of the old one, blanks before it
@@ -322,11 +344,6 @@ class PositionLanguage:
     others are.
     """
 
-    name: str
-    vendor: Vendor
-    endings: tuple[str, ...]
-    read: Callable[[BackupReading], None]
-    _: KW_ONLY
     pose: Callable[[Sequence[float]], Matrix]
     pose_numbers: Callable[[Matrix], Sequence[float]]
     form: str
@@ -334,11 +351,9 @@ class PositionLanguage:
     joint_decimals: int
     matches: Callable[[Sequence[str], Branch, Matrix], bool]
     configuration: Callable[[Sequence[str], Branch, Matrix], Sequence[str]]
-    remark: str = "(?!)"
     null: frozenset[str] = frozenset({"0"})
     up: int = 1
     by_joint2: bool = False
-    unit: PendantUnit = "deg"
     padded: bool = False
     unpublished: bool = False
     case_sensitive: bool = False

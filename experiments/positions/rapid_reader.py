@@ -65,7 +65,7 @@ def _declared(file: SourceFile, data: re.Match[str], reading: BackupReading, kin
             label = f"{data['name']}{{{number}}}" if data["sizes"] else data["name"]
             _position(file, literal, data.start("value"), name, label, reading)
         if re.sub(r"[\[\],\s]", "", _LITERAL.sub("", value)) or (value and not literals):
-            reading.refuse(file, pos, f"the numbers of {data['name']} are not understood")
+            reading.unread(file, pos, f"the numbers of {data['name']} are not understood", data["name"])
     elif value:
         tool, why, pose = kind == "tooldata", f"{data['name']} is not understood", None
         match = (_TOOL if tool else _WOBJ).match(value)
@@ -90,7 +90,7 @@ def _position(
     elif any(values[3:7]):
         reading.add(file, pos, name, label, spans[:7], spans[7:11], external=external)
     else:
-        reading.refuse(file, pos, f"{label} has no orientation")
+        reading.unread(file, pos, f"{label} has no orientation", label)
 
 
 def _pose(text: str) -> Matrix:

@@ -5,16 +5,15 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
+    from ..line_language import joint_language
     from .pacscript import PACSCRIPT, pacscript_program
 
-    return LineParts(PACSCRIPT, pacscript_program)
+    return LineParts(joint_language(PACSCRIPT, "denso"), pacscript_program)
 
 
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Denso: the messages of a plan's program, or joint positions (J) of a PacScript program.",
-    "denso",
-    "Denso joint positions (J), degrees, joint 1 first",
     log="PacScript",
 )
 MAKER = Maker(

@@ -5,16 +5,15 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
+    from ..line_language import joint_language
     from .drl_language import DRL, drl_program
 
-    return LineParts(DRL, lambda plan, motion, file: drl_program(plan, motion))
+    return LineParts(joint_language(DRL, "doosan"), lambda plan, motion, file: drl_program(plan, motion))
 
 
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Doosan: the pendant's log of a plan's program, or joint positions (posj) of a DRL program.",
-    "doosan",
-    "Doosan posj, degrees, joint 1 first",
     log="DRL",
 )
 MAKER = Maker(

@@ -51,9 +51,9 @@ def _read_log(job: "ImportJob") -> "Imported":
 
 
 def _parts() -> LineParts:
-    from .spel import SPEL, spel_program
+    from .spel_program import spel_program
 
-    return LineParts(SPEL, spel_program)
+    return LineParts(None, spel_program)
 
 
 _FORMAT = LineFormat(_parts)

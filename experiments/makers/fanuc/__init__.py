@@ -92,12 +92,6 @@ def _positions(text: str, path: Path) -> "Sequence[TaughtPoint]":
     return fanuc_positions(text, path)
 
 
-def _registers(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from .tp_points import fanuc_registers
-
-    return fanuc_registers(text, path, 1, None, True)
-
-
 MAKER = Maker(
     "FANUC",
     "fanuc",
@@ -120,7 +114,7 @@ MAKER = Maker(
             "TP programs (.ls) or position registers (posreg.va).",
             first=("files", "file", "j3"),
             marks=(
-                FormatMark(r"\$POSREG", "its position registers ($POSREG)", _registers),
+                FormatMark(r"\$POSREG", "its position registers ($POSREG)", _positions),
                 FormatMark(r"^/POS\b", "its line /POS, as of a TP program", _positions),
             ),
         ),

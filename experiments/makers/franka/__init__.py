@@ -5,16 +5,15 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
-    from .joint_list import JOINT_LIST, joint_list
+    from ...positions.joint_lists import JOINT_LIST
+    from .joint_list import DIGITS, joint_list
 
-    return LineParts(JOINT_LIST, lambda plan, motion, file: joint_list(plan, motion))
+    return LineParts(JOINT_LIST, lambda plan, motion, file: joint_list(plan, motion), digits=DIGITS)
 
 
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Franka: joints in radians, a line each (zb_m0 = [...]), as a program of libfranka recorded them.",
-    "franka",
-    "Franka joints, radians, joint 1 first",
 )
 MAKER = Maker(
     "Franka",

@@ -10,27 +10,16 @@ import math
 
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import decimal, head_lines, made_for, steps_of
 
 _AXES = 7
-_DIGITS = 12
+DIGITS = 12
 _ABOUT = [
     "Radians, joint 1 first. Your own program moves the arm, slowly, in this order, and stops at each zb_p.",
     "There: guide the beam onto the centre, read q of the robot's state, and write it into a file as",
     "zb_m0 = [...], zb_m1 = [...], and so on; zerobeam import franka reads that file, or this one with it.",
 ]
-
-# Only read: a Cartesian position is not written in this form.
-JOINT_LIST = LineLanguage(
-    name="the joint list",
-    grammar="franka/joint_list",
-    remark=r"#[^\n]*",
-    unit="rad",
-    joint_decimals=_DIGITS,
-    case_sensitive=True,
-)
 
 
 def joint_list(plan: Plan, motion: ProgramMotion) -> str:
@@ -39,6 +28,6 @@ def joint_list(plan: Plan, motion: ProgramMotion) -> str:
     lines = [f"# {line}" for line in [*head_lines(plan, motion, note), *_ABOUT]]
     for step in steps_of(plan, motion):
         for name, row in step.named.items():
-            values = ", ".join(decimal(round(math.radians(value), _DIGITS) + 0.0) for value in row)
+            values = ", ".join(decimal(round(math.radians(value), DIGITS) + 0.0) for value in row)
             lines.append(f"{name} = [{values}]  # {one_line(step.target)}")
     return "\n".join(lines) + "\n"

@@ -5,7 +5,8 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
-    from .as_language import AS, as_program
+    from ...positions.position_languages import AS
+    from .as_program import as_program
 
     return LineParts(AS, as_program)
 
@@ -13,8 +14,6 @@ def _parts() -> LineParts:
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Kawasaki: joint displacement values (#name) of a saved file, taught or recorded by a plan's program.",
-    "kawasaki",
-    "Kawasaki joint displacement values, degrees, joint 1 first",
 )
 MAKER = Maker(
     "Kawasaki",

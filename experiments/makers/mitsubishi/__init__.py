@@ -5,16 +5,15 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
-    from .melfa_basic import MELFA_BASIC, melfa_program
+    from ...positions.position_languages import MELFA
+    from .melfa_program import DIGITS, melfa_program
 
-    return LineParts(MELFA_BASIC, melfa_program)
+    return LineParts(MELFA, melfa_program, digits=DIGITS)
 
 
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Mitsubishi: joint variables (J…) of a program saved as text, taught at the postures.",
-    "mitsubishi",
-    "Mitsubishi joint variables, degrees, joint 1 first",
 )
 MAKER = Maker(
     "Mitsubishi",

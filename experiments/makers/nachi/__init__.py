@@ -5,16 +5,15 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
-    from .slim import SLIM, named_positions, slim_program
+    from ...positions.joint_lists import SLIM
+    from .slim_program import named_positions, slim_program
 
-    return LineParts(SLIM, lambda plan, motion, file: slim_program(plan, motion), named_positions)
+    return LineParts(SLIM, lambda plan, motion, file: slim_program(plan, motion), named_positions, digits=3)
 
 
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Nachi: joint positions (MOVEX … M1J) of a program that was taught, or modified in a plan's program.",
-    "nachi",
-    "Nachi joint positions (M1J), degrees, joint 1 first",
 )
 MAKER = Maker(
     "Nachi",

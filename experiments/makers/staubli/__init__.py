@@ -7,17 +7,16 @@ _FILES = (".pgx", ".dtx", ".pjx")
 
 
 def _parts() -> LineParts:
+    from ..line_language import joint_language
     from .val3 import VAL3
     from .val3_program import val3_program
 
-    return LineParts(VAL3, val3_program)
+    return LineParts(joint_language(VAL3, "staubli"), val3_program, digits=3)
 
 
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Stäubli: joint variables (jointRx) of a data file, taught or recorded by a plan's program.",
-    "staubli",
-    "Stäubli joint variables, degrees, joint 1 first",
 )
 MAKER = Maker(
     "Stäubli",

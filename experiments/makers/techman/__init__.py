@@ -5,7 +5,8 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
-    from .tmscript_language import TMSCRIPT, tmscript_program
+    from ...positions.joint_lists import TMSCRIPT
+    from .tmscript_program import tmscript_program
 
     return LineParts(TMSCRIPT, lambda plan, motion, file: tmscript_program(plan, motion))
 
@@ -13,8 +14,6 @@ def _parts() -> LineParts:
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Techman: joints in TMscript, as a person wrote them into a plan's program.",
-    "techman",
-    "Techman joint angles, degrees, joint 1 first",
 )
 MAKER = Maker(
     "Techman",

@@ -41,16 +41,15 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
 
 
 def _parts() -> LineParts:
-    from .inform import INFORM, inform_program, named_positions
+    from ...positions.position_languages import INFORM
+    from .inform_program import inform_program, named_positions
 
-    return LineParts(INFORM, inform_program, named_positions)
+    return LineParts(INFORM, inform_program, named_positions, digits=0)
 
 
 _FORMAT = LineFormat(_parts)
 _READ = _FORMAT.reader(
     "Yaskawa: positions in pulses of a saved job, taught, or modified in a plan's program.",
-    "yaskawa",
-    "Yaskawa positions, pulses of S, L, U, R, B, T by pulses_per_deg of the robot file",
 )
 MAKER = Maker(
     "Yaskawa",

@@ -98,11 +98,11 @@ def test_fanuc_points_that_are_not_joints(fanuc, refused):
 def test_a_fanuc_file_that_is_none_or_breaks_off(fanuc, refused):
     assert "not a TP program" in refused(fanuc, "", text="P[1] 1 2 3\n").what
     torn = fanuc_listing(fanuc_position(1, POSTURES[0])).replace("/END\n", "")
-    assert "is incomplete" in refused(fanuc, "", text=torn).what
+    assert "no whole listing" in refused(fanuc, "", text=torn).what
     two = fanuc_position(1, POSTURES[0]) + fanuc_position(2, POSTURES[1])
     error = refused(fanuc, two.replace("};", "}", 1))
-    assert "is incomplete" in error.what
-    assert error.found == "2 begin with P[…], 1 end with };"
+    assert "this position is not understood" in error.what
+    assert error.line == 7
 
 
 def test_kuka_axis_positions(kuka, tmp_path):
@@ -113,6 +113,14 @@ def test_kuka_axis_positions(kuka, tmp_path):
     assert "  points in their order: XP1, XP2, XP3" in found.understood
     write_run(tmp_path / "run.jsonl", found.header, found.shots)
     assert len(read_run(tmp_path / "run.jsonl").shots) == 3
+
+
+def test_external_axes_are_ignored_and_said(kuka):
+    on_a_track = kuka_point("XP2", POSTURES[1]).replace("E1 0.0", "E1 1200.0")
+    found = kuka(kuka_point("XP1", POSTURES[0]) + on_a_track)
+    np.testing.assert_array_equal(joints(found), POSTURES[:2])
+    (note,) = (line for line in found.understood if "external axes are not at 0" in line)
+    assert "in XP2, and are ignored" in note
 
 
 def test_kuka_arrays_of_positions(kuka):
@@ -132,7 +140,7 @@ def test_kuka_points_that_cannot_be_used(kuka, refused):
     assert len(kuka(text, ["XP1"]).shots) == 1
     assert refused(kuka, text, ["XP"]).allowed == "XP1, XP9"
     turned = kuka_point("XP1", POSTURES[0]).replace("A2", "A9")
-    assert "axes of XP1 cannot be read" in refused(kuka, turned).what
+    assert "point XP1 cannot be read" in refused(kuka, turned).what
     assert "cannot be read" in refused(kuka, kuka_point("XP1", POSTURES[0], ends="")).what
     assert "cannot be read" in refused(kuka, kuka_point("XP1", POSTURES[0], ends=",E1 0.0")).what
     assert "cannot be read" in refused(kuka, kuka_point("XP1", POSTURES[0]).replace("40.0", "4_0.0")).what
@@ -155,6 +163,7 @@ def test_position_registers_that_hold_joints(fanuc, refused):
     held = {1: POSTURES[0], 3: [999.0, *POSTURES[1][1:]], 7: POSTURES[2], 9: POSTURES[3]}
     text = registers_text(held, 20).replace("[1,7] =   ''", "[1,7] =   'J1= 5 deg'")
     cartesian = "    [1,21] =   '' \n  Group: 1   Config: N U T, 0, 0, 0\n  X: 1.0   Y: 2.0   Z: 3.0\n"
+    cartesian += "  W: 1.0   P: 2.0   R: 3.0\n"
     other = "    [2,1] =   ''   Group: 2\n  J1 =     7.000 deg\n[*POSREG*]$MAXPREGNUM  : INTEGER = 20\n"
     found = fanuc(None, text=text + cartesian + other)
     np.testing.assert_array_equal(joints(found), POSTURES[[0, 2, 3]])

@@ -49,7 +49,7 @@ def test_declared_jointtargets(tmp_path, header, refused):
     error = refused(read, tmp_path, header, MODULE)
     assert error.what == "point r1 has no joint values"
     assert error.line == 10
-    assert [point.line for point in rapid_positions(MODULE, Path("a.mod"))] == [3, 4, 8, 8, 10]
+    assert [point.line for point in rapid_positions(MODULE, Path("a.mod"))] == [3, 5, 8, 9, 10]
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_declared_jointtargets(tmp_path, header, refused):
 )
 def test_targets_that_cannot_be_read(tmp_path, header, refused, value):
     error = refused(read, tmp_path, header, f"MODULE a\nCONST jointtarget p1:={value};\nENDMODULE\n")
-    assert error.what == "the axes of p1 cannot be read"
+    assert error.what == "point p1 cannot be read"
     assert error.line == 2
 
 

@@ -12,21 +12,8 @@ from program_arm import PendantArm, plan_for
 
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.robot_file import load_robot
 
-ROBOT = load_robot("vs060")
 COUNTS = pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.long)])
-P = "P(400, 100, 300, 180, 0, 180, 5)"
-JOB = """Sub Main
-  Dim home As Joint
-  home = J(0, 20, 80, 0, 70, 0)
-  TakeArm Keep = 0
-  ChangeTool 1
-  ChangeWork 0
-  Move P, @E home, Speed = 30
-  {}
-End Sub
-"""
 
 
 @pytest.mark.parametrize("stopped", ["zb_p0", "zb_p1"])

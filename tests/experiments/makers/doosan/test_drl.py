@@ -10,17 +10,7 @@ import pytest
 from damaged_files import joints_read, refused
 from program_arm import plan_for
 
-from zerobeam.model.files.robot_file import load_robot
-
-ROBOT = load_robot("m1013")
-TOOLS, FRAMES = ["grip=0,0,100,0,0,0", "other=0,0,50,0,0,0"], ["DR_WORLD=0,0,500,0,0,0"]
 COUNTS = pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.long)])
-JOB = """home = posj(0, 0, 90, 0, 90, 0)
-set_tcp("grip")
-movej(home, vel=30)
-{}
-"""
-P = "posx(400, 100, 500, 0, 180, 0)"
 
 
 @pytest.mark.parametrize("reader", ["program", "log"])

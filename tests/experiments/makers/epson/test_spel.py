@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import epson_controller as controller
 import numpy as np
@@ -13,17 +11,8 @@ from damaged_files import joints_read, refused
 from program_arm import PendantArm, plan_for
 
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
-from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Robot
 
 FILES = pytest.mark.parametrize("files", [10, pytest.param(200, marks=pytest.mark.long)])
-PROGRAM = "Function main\n  Go JA(0, 10, -20, 0, 30, 0)\n  {}\nFend\n"
-
-
-@cache
-def arm() -> Robot:
-    with TemporaryDirectory() as folder:
-        return load_robot(controller.robot_file(Path(folder)))
 
 
 @FILES

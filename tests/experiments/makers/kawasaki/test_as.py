@@ -1,4 +1,4 @@
-"""AS: what is corrected and what is refused, by line; damaged files."""
+"""AS: damaged files."""
 
 from __future__ import annotations
 
@@ -10,21 +10,11 @@ import pytest
 from damaged_files import joints_read, refused
 from program_arm import plan_for
 
-from zerobeam.model.files.robot_file import load_robot
+from zerobeam.experiments.makers.taught_positions import written_points
+from zerobeam.experiments.positions.position_languages import AS
+from zerobeam.model.errors import BadInput
 
-ROBOT = load_robot("rs007n")
 COUNTS = pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.long)])
-JOB = """.PROGRAM job()
-  TOOL TRANS(0,0,0,0,0,0)
-  BASE TRANS(0,0,0,0,0,0)
-  JMOVE #home
-{}
-.END
-.JOINTS
-#home 0 10 -80 0 -90 0
-{}
-.END
-"""
 
 
 @COUNTS
@@ -35,3 +25,8 @@ def test_damaged_recordings(tmp_path: Path, count: int) -> None:
     text = ".JOINTS\n" + "".join(lines.values()) + ".END\n"
     read_joints = joints_read("as", plan, tmp_path / "saved.as")
     assert refused(read_joints, text, lines, count) < count
+
+
+def test_a_line_of_digits_is_no_endless_search() -> None:
+    with pytest.raises(BadInput, match="not understood"):
+        written_points(AS, f".JOINTS\n#a {'1' * 400}x\n.END\n", Path("a.as"))

@@ -10,47 +10,6 @@ from damaged_files import joints_read, lines_of, recorded, refused
 from program_arm import plan_for
 
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
-from zerobeam.model.files.robot_file import load_robot
-
-ROBOT = load_robot("rv2fr")
-
-
-REFUSED = [
-    "Mov P1,-50",
-    "Mvs P1,-50",
-    "Mvs ,-50",
-    "Mov P1+P3",
-    "Mov P1*(0,0,50,0,0,0)(0,0)",
-    "Mov P_Curr",
-    "Mov P1 Type 1,0",
-    "Mov P(M1)",
-    "Mov P99",
-    "Mov J99",
-    "Mov (0,0,90,0,90,0)",
-    "Mvr P1,P3,P1",
-    "Mvc P1,P3,P1",
-    "P1=P3",
-    "P1.X=P1.X+10",
-    "p1.z=100",
-    "J0=J_Curr",
-    "J0.J1=Rad(10)",
-    "P3=(1,2,3,4,5,6)(7,0)",
-    "P8=(1,2,3,4,5,6)",
-    "J8=(1,2,3,4,5,6)(7,0)",
-    "M_Tool=2",
-    "P_100=P1",
-    "Mov J0 Wth M_Tool=2",
-    "Base 1",
-    "Tool PGRIP\r\nMov P1",
-    "Tool (1,2,3,4,5)(0,0)\r\nMov P1",
-    "Tool (1,2,3,4,5,6,7)(0,0)\r\nMov P1",
-    "Tool (1,2,3,4,5,1e400)(0,0)\r\nMov P1",
-    "*L1\r\nTool PGRIP\r\nGoTo *L1\r\nMov P1",
-    'CallP "PICK"',
-    "Def Act 1,M_In(8)=1 GoTo *L1",
-    "Cmp Pos,&B000011",
-    "Mov P1 WthIf M_In(8)=1,Skip",
-]
 
 
 @pytest.mark.long

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import nachi_controller as controller
 import pytest
 from damaged_files import joints_read, refused
 from program_arm import PendantArm, plan_for
 
-from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Robot
 
-READER = next(each for maker in makers() for each in maker.read if each.name == "slim")
 FILES = pytest.mark.parametrize("files", [20, pytest.param(200, marks=pytest.mark.long)])
-
-
-@cache
-def arm() -> Robot:
-    with TemporaryDirectory() as folder:
-        return load_robot(controller.robot_file(Path(folder)))
 
 
 @pytest.mark.parametrize(

@@ -10,23 +10,7 @@ import techman_controller as controller
 from damaged_files import joints_read, refused
 from program_arm import plan_for
 
-from zerobeam.model.files.robot_file import load_robot
-
-ROBOT = load_robot("tm5_900")
 COUNTS = pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.long)])
-JOB = """define
-{{
-float[] home = {{0, 0, 90, 0, 90, 0}}
-}}
-main
-{{
-ChangeTCP("NOTOOL")
-ChangeBase("RobotBase")
-PTP("JPP",home,35,200,0,false)
-{}
-}}
-"""
-HERE = "417.5,-122.2,460,180,0,90"
 
 
 @COUNTS

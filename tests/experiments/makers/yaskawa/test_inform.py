@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 import yaskawa_controller as controller
@@ -15,39 +13,9 @@ from zerobeam.experiments.makers.import_jobs import ImportJob
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Robot
 
 READER = next(each for maker in makers() for each in maker.read if each.name == "inform")
 FILES = pytest.mark.parametrize("files", [40, pytest.param(200, marks=pytest.mark.long)])
-JOB = """/JOB
-//NAME JOB
-//POS
-///NPOS 2,0,0,0,0,0
-///TOOL 3
-///POSTYPE PULSE
-///PULSE
-C00000=0,20000,-30000,0,40000,0
-///USER 2
-///POSTYPE USER
-///RECTAN
-///RCONF 0,0,0,0,0,0,0,0
-C00001=239.261,62.882,198.869,-151.8258,-60.8092,-66.2771
-//INST
-///DATE 2020/01/01 12:00
-///ATTR SC,RW
-///GROUP1 RB1
-NOP
-MOVJ C00000 VJ=50.00
-{}
-END
-"""
-
-
-@cache
-def gp7() -> Robot:
-    with TemporaryDirectory() as folder:
-        return load_robot(controller.robot_file(Path(folder)))
 
 
 @FILES

@@ -1,4 +1,4 @@
-"""SPEL+ (Epson): a plan as a program in it, and programs to joints and points.
+"""SPEL+ (Epson): a plan as a program.
 
 Facts, from the SPEL+ Language Reference of Seiko Epson: JA is a point by its joint angles, degrees; Agl reads
 the angle of a joint; Preserve keeps a variable when a program ends; AOpen opens a file to append to it.
@@ -12,19 +12,9 @@ from pathlib import Path
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
-from .spel_points import with_points
 
-SPEL = with_points(
-    LineLanguage(
-        name="SPEL+",
-        grammar="epson/spel",
-        remark=r"'[^\n]*",
-        joint_decimals=4,
-    )
-)
 _NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
 _USAGE = (
     "Start this function again and again, from the Run window: each start records where the arm is, in",

@@ -1,4 +1,4 @@
-"""SLIM (Nachi AX, FD): joint positions of programs, MOVEX … M1J, and a plan as a program in it.
+"""SLIM (Nachi AX, FD): a plan as a program of joint positions, MOVEX … M1J.
 
 Facts, as published programs and post processors agree on them (RoboDK, Cenit): M1J is followed by the joints
 of mechanism 1, degrees, joint 1 first; P moves by joints and L in a straight line; H is the tool. That R is a
@@ -15,18 +15,10 @@ from ....model.files.plan import Plan
 from ....model.parsing.reading import line_numbers
 from ..format_options import ProgramMotion
 from ..import_jobs import TaughtPoint
-from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 from ..taught_positions import named_by_remarks
 
-SLIM = LineLanguage(
-    name="SLIM",
-    grammar="nachi/slim",
-    remark=r"'[^\n]*",
-    joint_decimals=3,
-    literal=re.compile(r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
-)
 _WIDTH = 31  # letters of a remark
 _USAGE = (
     "Copy this file as UNIT.NNN (MZ07-01-A.001), and convert it to a program of the controller.",

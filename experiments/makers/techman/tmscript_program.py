@@ -1,4 +1,4 @@
-"""TMscript (Techman): its positions and motions, and a plan as a program in it.
+"""TMscript (Techman): a plan as a program.
 
 Facts, from the Programming Language manual of TMscript (2.18) and the driver tmr_ros2 (TechmanRobotInc): JPP
 is joints, degrees; CPP, CPR, CAP and CAR are X, Y, Z, RX, RY, RZ, mm and degrees, turned about fixed x, y, z,
@@ -8,11 +8,8 @@ the arm's base and flange; Pause stops the project until a person resumes it.
 
 from __future__ import annotations
 
-import re
-
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import NUMBER, LineLanguage
 from ..maker import one_line
 from ..plan_programs import head_lines, listed, made_for, percents, steps_of
 
@@ -22,17 +19,6 @@ _CONFIRM = [
     "At each pause: write the joint angles that the pendant shows into the line of zb_p0, zb_p1, and so on;",
     "then import this file. Postures whose numbers are as they were are left out.",
 ]
-
-TMSCRIPT = LineLanguage(
-    name="TMscript",
-    grammar="techman/tmscript",
-    remark=r"//[^\n]*|/\*[\s\S]*?\*/",
-    joint_decimals=4,
-    # The numbers of speed and blending follow the six of a position without anything between.
-    literal=re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:\s*,\s*{NUMBER}){{5}}(?![\w.])"),
-    case_sensitive=True,
-    opens=re.compile(r"\b(?:if|else|for|while|do|switch)\b"),
-)
 
 
 def tmscript_program(plan: Plan, motion: ProgramMotion) -> str:

@@ -1,4 +1,4 @@
-"""AS (Kawasaki): its positions and motions, and a plan as a program in it.
+"""AS (Kawasaki): a plan as a program.
 
 Facts, from the AS Language Reference Manual of Kawasaki Robotics: #names are joint displacements, degrees;
 other names are transformation values X, Y, Z, O, A, T, mm and degrees, of which O, A, T turn about z, the new
@@ -9,39 +9,14 @@ the controller: a program that does not set them leaves both open.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import FOLLOW, SIX_WITH_BLANKS, LineLanguage, Statement, tokens
 from ..maker import one_line
 from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 
-_LINES = LineLanguage(
-    name="AS",
-    grammar="kawasaki/as",
-    remark=r";[^\n]*",
-    joint_decimals=4,
-    literal=re.compile(f"{SIX_WITH_BLANKS.pattern}|" + r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
-)
-
-
-def _statements(text: str) -> Iterator[Statement]:
-    """Each line. Of positions the name says by # whether they are joints; the section must say so too."""
-    joints = None
-    for begin, end, tree in _LINES.statements(text):
-        if tree is not None and tree.data in FOLLOW:
-            joints = FOLLOW[tree.data]
-        entry = [] if tree is None or tree.data != "entry" else tokens(tree, "NAME")[:1]
-        if joints is not None and any(name.startswith("#") != joints for name in entry):
-            tree = None
-        yield begin, end, tree
-
-
-AS = replace(_LINES, read=_statements)
 _NAME = re.compile(r"[A-Za-z]\w{0,14}")
 
 

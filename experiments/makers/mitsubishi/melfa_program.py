@@ -1,4 +1,4 @@
-"""MELFA-BASIC V (Mitsubishi): its positions and motions, and a plan as a program in it.
+"""MELFA-BASIC V (Mitsubishi): a plan as a program.
 
 Facts, from the instruction manual of the CR750 and CR800 (detailed explanations of functions and operations)
 and a driver of melfa (Melfa::moveTo): names that begin with J are joints, degrees, with P positions X, Y, Z,
@@ -11,47 +11,19 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from lark import Token, Tree
-
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import SIX_WITH_COMMAS, LineLanguage
 from ..maker import one_line
 from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 
-_DIGITS = 2  # of the values of a program that the controller saves
+DIGITS = 2  # of the values of a program that the controller saves
 _NAME = re.compile(r"[A-Za-z0-9]\w{0,15}")
 _CONFIRM = (
     "At each posture the program stops (Hlt): jog the beam onto the centre, and teach the joint variable of",
     "the posture again (JZB_P0, JZB_P1, ...). Then start; confirm: the arm goes on to the next posture, or",
     "returns to where it stopped first (parameter RETPATH). At the end save the program as text, with its",
     "variables.",
-)
-
-
-def _is_derived(tree: Tree[Token]) -> bool:
-    """Joints have names with J, and poses with P. Of the system's variables only outputs are set: others
-    change the tool, or are shared with other programs."""
-    if tree.data == "position":
-        name, value = tree.children
-        return isinstance(value, Tree) and str(name)[0] == ("J" if value.data == "joints" else "P")
-    for part in tree.iter_subtrees():
-        first = part.children[0] if part.data in ("plain", "also") and part.children else None
-        variable = first.children[0] if isinstance(first, Tree) and first.children else first
-        if isinstance(variable, Token) and variable[1:2] == "_" and not variable.startswith("M_OUT"):
-            return False
-    return True
-
-
-MELFA_BASIC = LineLanguage(
-    name="MELFA-BASIC",
-    grammar="mitsubishi/melfa_basic",
-    remark=r"'[^\n]*|(?i:\brem\b)[^\n]*",
-    joint_decimals=4,
-    literal=re.compile(f"{SIX_WITH_COMMAS.pattern}|" + r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
-    saved_decimals=_DIGITS,
-    derives=_is_derived,
 )
 
 
@@ -76,7 +48,7 @@ def melfa_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
     for step in steps:
         for name, row in step.named.items():
             values = ",".join(
-                f"{'+' if value >= 0 else ''}{decimal(round(value, _DIGITS) + 0.0, 2)}" for value in row
+                f"{'+' if value >= 0 else ''}{decimal(round(value, DIGITS) + 0.0, 2)}" for value in row
             )
             lines.append(f"J{name.upper()}=({values})")
     return "\n".join(lines) + "\n"

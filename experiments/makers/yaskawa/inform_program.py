@@ -1,4 +1,4 @@
-"""INFORM (Yaskawa): jobs, their positions and motions, and a plan as a job.
+"""INFORM (Yaskawa): a plan as a job.
 
 Facts, from Yaskawa's "Job Data Format" (instructions of NX100 and DX100, Easy Offline Teaching System): C are
 the positions of a job, P position variables; below ///PULSE they are pulses of S, L, U, R, B, T, below
@@ -11,7 +11,6 @@ with the joints before.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from pathlib import Path
 from textwrap import wrap
 
@@ -22,19 +21,10 @@ from ....model.files.plan import Plan
 from ....model.kinematics.pendant import Pendant
 from ..format_options import ProgramMotion
 from ..import_jobs import TaughtPoint
-from ..line_language import NUMBER, LineLanguage
 from ..maker import one_line
 from ..plan_programs import head_lines, made_for, percents, steps_of
 from ..taught_positions import named_by_remarks
 
-INFORM = LineLanguage(
-    name="INFORM",
-    grammar="yaskawa/inform",
-    remark=r"'[^\n]*|//(?:NAME|/(?:COMM|DATE|ATTR))\b[^\n]*",
-    unit="pulse",
-    joint_decimals=0,
-    literal=re.compile(rf"(?<==){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}"),
-)
 _NAME = re.compile(r"[A-Za-z][\w-]{0,7}", re.ASCII)
 _USAGE = (
     "At each pause: jog the beam onto the centre, put the cursor on the MOVJ above, MODIFY, ENTER.",
@@ -87,21 +77,7 @@ def inform_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
 
 
 def named_positions(text: str, points: list[TaughtPoint]) -> list[TaughtPoint]:
-    """The positions of a job, those of a plan's program by the names in its remarks.
-
-    BadInput for a job that is cut off, and for a plan's program whose positions and remarks do not agree.
-    """
-    count = re.search(r"^///NPOS[ \t]+(\d+),\d+,\d+,(\d+)", text, re.MULTILINE)
-    listed = Counter(point.name[0].upper() for point in points)
-    if count is None or (int(count[1]), int(count[2])) != (listed["C"], listed["P"]):
-        raise BadInput(
-            "the job does not have the positions that it says it has",
-            found=f"{listed['C']} positions, {listed['P']} position variables",
-            allowed="as ///NPOS states" if count is None else f"{count[1]} and {count[2]}",
-            remedy="save the job again",
-        )
-    if not re.search(r"^END\s*\Z", text, re.MULTILINE):
-        raise BadInput("the job has no end", allowed="END in its last line", remedy="save the job again")
+    """The positions of a job, those of a plan's program by the names in its remarks."""
     labelled = [match.groups() for match in _LABELLED.finditer(text)]
     if not labelled and "zerobeam plan" not in text:
         return points
