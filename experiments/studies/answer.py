@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from scipy import special, stats
@@ -30,6 +30,7 @@ class StudyAnswer:
     title: str
     headline: str
     agrees: bool
+    settings: Any
     seconds: float
     versions: dict[str, str] = field(default_factory=installed_versions)
     notes: tuple[str, ...]

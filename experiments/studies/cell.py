@@ -11,6 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from ...model.arrays import Matrix, Progress, normal_half_width
 from ...model.files.header import Header
 from ...model.files.plan import Plan, planned
 from ...model.likelihood.problem import Problem
+from ...model.records import it
 from ...words.wording import label, listed
 from ..procedure.session import PHASES, state_of
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, CellFile
@@ -108,16 +110,15 @@ class CellCase:
 
 @dataclass(frozen=True)
 class CellSettings:
-    """How the study was carried out; `chance` is the probability of a false alarm over the
-    offsets of a plan."""
+    """How the study was carried out."""
 
-    runs: int
-    seed: int
-    level: float
-    camera: bool
-    chance: float
-    limit_s: float
-    tolerance_deg: float
+    runs: Annotated[int, it("runs of each plan")]
+    seed: Annotated[int, it("seed")]
+    level: Annotated[float, it("level of the intervals")]
+    camera: Annotated[bool, it("search by camera images")]
+    chance: Annotated[float, it("probability of a false alarm over the offsets of a plan")]
+    limit_s: Annotated[float, it("limit of a run’s time", unit="s")]
+    tolerance_deg: Annotated[float, it("tolerance of the adaptive run", unit="deg")]
 
 
 @dataclass(frozen=True, kw_only=True)

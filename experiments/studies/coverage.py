@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from scipy import stats
@@ -30,6 +31,7 @@ from ...model.likelihood.density import Density
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
+from ...model.records import it
 from ...words.wording import label, listed
 from .answer import (
     ErrorStatistics,
@@ -119,15 +121,15 @@ class CoveragePlan(PlanOfStudy):
 
 @dataclass(frozen=True)
 class CoverageSettings:
-    """How the study was carried out; `chance` is that of a false alarm, for each estimator."""
+    """How the study was carried out."""
 
-    data_sets: int
-    seed: int
-    levels: tuple[float, ...]
-    draws: int
-    bins: int
-    chance: float
-    posterior: str
+    data_sets: Annotated[int, it("data sets for each plan")]
+    seed: Annotated[int, it("seed")]
+    levels: Annotated[tuple[float, ...], it("levels of the intervals")]
+    draws: Annotated[int, it("draws behind each rank")]
+    bins: Annotated[int, it("bins of the rank histograms")]
+    chance: Annotated[float, it("probability of a false alarm of an estimator")]
+    posterior: Annotated[str, it("posterior")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from scipy import stats
@@ -23,6 +24,7 @@ from ...model.files.header import EXACT
 from ...model.files.run import read_run
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.problem import Problem
+from ...model.records import it
 from ..demos import demo_runs
 from .answer import Share, StudyAnswer, held_share, share_interval
 from .cases import each_piece, heading_of
@@ -37,17 +39,17 @@ _SIZE = 5  # arms of a piece: a second or two of work
 
 @dataclass(frozen=True)
 class DriftSettings:
-    """How the study was carried out: `alarm` is the stated probability of a false alarm of an arm."""
+    """How the study was carried out."""
 
-    arms: int
-    results: int
-    years_between: float
-    alarm: float
-    level: float
-    rate_median: float
-    rate_spread: float
-    chance: float
-    seed: int
+    arms: Annotated[int, it("arms")]
+    results: Annotated[int, it("results of an arm")]
+    years_between: Annotated[float, it("years between two results")]
+    alarm: Annotated[float, it("stated probability of a false alarm of an arm")]
+    level: Annotated[float, it("level of the intervals")]
+    rate_median: Annotated[float, it("median drift of an offset, ° per root year (log-normal)")]
+    rate_spread: Annotated[float, it("standard deviation of the logarithm of the drift")]
+    chance: Annotated[float, it("probability of a false alarm of each comparison of this study")]
+    seed: Annotated[int, it("seed")]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from scipy import stats
@@ -32,6 +32,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
+from ...model.records import it
 from ...words.wording import label, listed
 from ..plans.candidates import Planned, candidates
 from ..plans.optimal import Planner, Proposal
@@ -139,15 +140,14 @@ class GeometryPlan(PlanOfStudy):
 
 @dataclass(frozen=True)
 class GeometrySettings:
-    """How the study was carried out; `chance` is the probability of a false alarm over the
-    offsets of an estimator."""
+    """How the study was carried out."""
 
-    arms: int
-    seed: int
-    level: float
-    chance: float
-    candidates: int
-    offset_deg: float
+    arms: Annotated[int, it("arms for each plan")]
+    seed: Annotated[int, it("seed")]
+    level: Annotated[float, it("level of the intervals")]
+    chance: Annotated[float, it("probability of a false alarm over the offsets of an estimator")]
+    candidates: Annotated[int, it("candidates of a plan")]
+    offset_deg: Annotated[float, it("offsets of the arms, one standard deviation", unit="deg")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,7 @@ from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.validation import FileModel, Name, Positive, Vector, read_model, validate
+from ...model.records import it
 from ...words import numbers
 from ..plans.make import PlanRequest, candidate_pools, portions
 from ..plans.optimal import Planner, Proposal
@@ -110,12 +111,12 @@ class SetupCase:
 class InstrumentsSettings:
     """How the study was carried out."""
 
-    robot: str
-    joint_deg: float
-    tcp_mm: tuple[float, float, float]
-    measurements: tuple[int, ...]
-    candidates: int
-    seed: int
+    robot: Annotated[str, it("robot")]
+    joint_deg: Annotated[float, it("noise of the joints", unit="deg")]
+    tcp_mm: Annotated[tuple[float, float, float], it("TCP in the flange frame", unit="mm")]
+    measurements: Annotated[tuple[int, ...], it("numbers of measurements")]
+    candidates: Annotated[int, it("candidate postures of each setup")]
+    seed: Annotated[int, it("seed")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from scipy import optimize, stats
@@ -23,7 +23,7 @@ from ...analysis.status import Status
 from ...model.arrays import Matrix, Progress
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
-from ...model.records import record
+from ...model.records import it, record
 from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, CellFile
 from .answer import StudyAnswer
@@ -126,13 +126,12 @@ class PaperTable:
 
 @dataclass(frozen=True)
 class Table2Settings:
-    """How the study was carried out; `simulated` triples, `chance` is the probability of a
-    false alarm over both plans."""
+    """How the study was carried out."""
 
-    seed: int
-    runs: int
-    simulated: int
-    chance: float
+    seed: Annotated[int, it("seed")]
+    runs: Annotated[int, it("runs in a set")]
+    simulated: Annotated[int, it("simulated sets")]
+    chance: Annotated[float, it("probability of a false alarm over both plans")]
 
 
 @dataclass(frozen=True, kw_only=True)

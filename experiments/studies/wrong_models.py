@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
 from ...model.instruments.flange_tool import flange_tool
 from ...model.likelihood.problem import Problem
+from ...model.records import it
 from ...words.wording import listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
@@ -52,14 +54,13 @@ _TARGETS = {
 
 @dataclass(frozen=True)
 class WrongModelsSettings:
-    """How the study was carried out: `limit_u` is the error of an offset, in its standard uncertainty, that a
-    pass must not have, `decided` the evidence ratio from which on a cause counts as decided."""
+    """How the study was carried out."""
 
-    arms: int
-    seed: int
-    measurements: tuple[int, ...]
-    limit_u: float
-    decided: float
+    arms: Annotated[int, it("arms of each scenario")]
+    seed: Annotated[int, it("seed")]
+    measurements: Annotated[tuple[int, ...], it("measurements")]
+    limit_u: Annotated[float, it("error of an offset that a pass must not have, in its u")]
+    decided: Annotated[float, it("evidence ratio from which on a cause counts as decided")]
 
 
 @dataclass(frozen=True)

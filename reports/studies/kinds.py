@@ -14,19 +14,10 @@ from ...model.records import to_json
 from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..style.blocks import Page
 from ..style.canvas import Picture
-from .cell_page import cell_page, cell_pictures, parameter_rows, time_rows
-from .cell_page import plan_rows as cell_plan_rows
-from .coverage_page import coverage_page, coverage_pictures, coverage_rows, rank_rows
-from .drift_page import drift_page, drift_pictures, power_rows
-from .geometry_page import geometry_page, geometry_pictures
-from .geometry_page import parameter_rows as geometry_parameter_rows
-from .geometry_page import plan_rows as geometry_plan_rows
-from .instruments_page import instruments_page, instruments_pictures, setup_rows
+from . import cell_page, coverage_page, drift_page, geometry_page, instruments_page, sweep_page, table2_page
+from . import wrong_models_page as wrong_models
 from .study_blocks import PlainRow
-from .sweeps import sweep_page
-from .table2_page import paper_rows, scatter_rows, table2_page, table2_pictures
-from .table2_page import plan_rows as table2_plan_rows
-from .wrong_models_page import model_rows, wrong_models_page, wrong_models_pictures
+from .sweep_figures import sweep_pictures
 
 Answer = TypeVar("Answer")
 
@@ -46,32 +37,44 @@ class Study(Generic[Answer]):
 
 STUDIES: dict[str, Study[Any]] = {
     "coverage": Study(
-        coverage_page, coverage_pictures, {"coverage.csv": coverage_rows, "ranks.csv": rank_rows}
+        coverage_page.coverage_page,
+        coverage_page.coverage_pictures,
+        {"coverage.csv": coverage_page.coverage_rows, "ranks.csv": coverage_page.rank_rows},
     ),
     "cell": Study(
-        cell_page,
-        cell_pictures,
-        {"parameters.csv": parameter_rows, "time.csv": time_rows, "plans.csv": cell_plan_rows},
+        cell_page.cell_page,
+        cell_page.cell_pictures,
+        {"parameters.csv": cell_page.PARAMETERS, "time.csv": cell_page.TIMES, "plans.csv": cell_page.PLANS},
     ),
     "table2": Study(
-        table2_page,
-        table2_pictures,
-        {"scatter.csv": scatter_rows, "plans.csv": table2_plan_rows, "paper.csv": paper_rows},
+        table2_page.table2_page,
+        table2_page.table2_pictures,
+        {
+            "scatter.csv": table2_page.SCATTER,
+            "plans.csv": table2_page.PLANS,
+            "paper.csv": table2_page.paper_rows,
+        },
     ),
     "geometry": Study(
-        geometry_page,
-        geometry_pictures,
-        {"parameters.csv": geometry_parameter_rows, "plans.csv": geometry_plan_rows},
+        geometry_page.geometry_page,
+        geometry_page.geometry_pictures,
+        {"parameters.csv": geometry_page.PARAMETERS, "plans.csv": geometry_page.PLANS},
     ),
-    "drift": Study(drift_page, drift_pictures, {"power.csv": power_rows}),
-    "instruments": Study(instruments_page, instruments_pictures, {"plans.csv": setup_rows}),
-    "wrong-models": Study(wrong_models_page, wrong_models_pictures, {"models.csv": model_rows}),
+    "drift": Study(drift_page.drift_page, drift_page.drift_pictures, {"power.csv": drift_page.POWER}),
+    "instruments": Study(
+        instruments_page.instruments_page,
+        instruments_page.instruments_pictures,
+        {"plans.csv": instruments_page.SETUPS},
+    ),
+    "wrong-models": Study(
+        wrong_models.wrong_models_page, lambda answer: [], {"models.csv": wrong_models.MODELS}
+    ),
 }
 
 # Every study over settings, whatever its name: people write their own.
 SWEEP: Study[GridStudy] = Study(
     sweep_page.sweep_page,
-    sweep_page.sweep_pictures,
+    sweep_pictures,
     {"cases.csv": sweep_page.case_rows, "offsets.csv": sweep_page.parameter_rows},
 )
 

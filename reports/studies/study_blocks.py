@@ -1,4 +1,4 @@
-"""Parts of the pages of studies: facts, shares of intervals that hold the truth, errors, verdicts.
+"""Parts of the pages of studies: facts, shares of intervals that hold the truth, errors, verdicts, tables.
 
 The mark of an estimator (or of a plan) says whether its intervals hold the truth as often as stated; a
 control is wrong on purpose, so that it must fail.
@@ -7,22 +7,15 @@ control is wrong on purpose, so that it must fail.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Protocol, cast
 
-from ...experiments.studies.answer import (
-    NoiseLevel,
-    ObservedParameter,
-    ParameterWithShare,
-    Share,
-    StudyAnswer,
-)
-from ...experiments.studies.sweeps.grid_answer import GridStudy
+from ...experiments.studies.answer import NoiseLevel, ObservedParameter, PlanOfStudy, Share, StudyAnswer
 from ...model.arrays import NORMAL_95
-from ...model.instruments.registry import kinds_of
+from ...model.records import keys
 from ...words import numbers
 from ...words.citation import study_citation
-from ...words.wording import clipped, counted, label, sentence, shown
+from ...words.wording import capital, clipped, counted, label, sentence, shown
 from ..style.blocks import (
     Cell,
     Facts,
@@ -31,9 +24,11 @@ from ..style.blocks import (
     Paragraph,
     Row,
     Section,
+    Table,
     Verdict,
     row_of,
     section_of,
+    table_of,
 )
 
 NOT_DETERMINED = "not determined"
@@ -43,35 +38,36 @@ BY_CHANCE = (
     "One binomial interval in twenty does not contain the level even if all is right, and the farthest of"
     " several more often."
 )
-# Whether a thing agrees, by (control, agrees): the mark (a role of the palette) and the words for it.
-STANDING: dict[tuple[bool, bool], tuple[str, str]] = {
-    (False, True): ("identified", "agrees"),
-    (False, False): ("weak", "does not agree"),
-    (True, False): ("held", "control: fails, as it must"),
-    (True, True): ("weak", "control: passes, but must not"),
-}
-_MEANING = {
-    (False, True): "the intervals hold the truth as often as stated, within the binomial error",
-    (False, False): "the intervals hold the truth more or less often than stated, beyond the binomial error",
-    (True, False): "wrong on purpose, and detected: this study can find such a fault",
-    (True, True): "wrong on purpose, and not detected: this study could not find such a fault",
+# Whether a thing agrees, by (control, agrees): the mark (a role of the palette), the words, what it means.
+_STANDING: dict[tuple[bool, bool], tuple[str, str, str]] = {
+    (False, True): (
+        "identified",
+        "agrees",
+        "the intervals hold the truth as often as stated, within the binomial error",
+    ),
+    (False, False): (
+        "weak",
+        "does not agree",
+        "the intervals hold the truth more or less often than stated, beyond the binomial error",
+    ),
+    (True, False): (
+        "held",
+        "control: fails, as it must",
+        "wrong on purpose, and detected: this study can find such a fault",
+    ),
+    (True, True): (
+        "weak",
+        "control: passes, but must not",
+        "wrong on purpose, and not detected: this study could not find such a fault",
+    ),
 }
 
 PlainRow = dict[str, object]  # a row of a CSV file by the names of its columns
-
-
-class NamedParameter(Protocol):
-    """A parameter."""
-
-    @property
-    def name(self) -> str: ...
-
-
-Parameter = TypeVar("Parameter", bound=NamedParameter, covariant=True)
+Cells = Sequence[str | Cell]
 
 
 class Marked(Protocol):
-    """A part with a verdict: an estimator, its ranks, or a plan."""
+    """A part with a verdict and parameters: an estimator, its ranks, or a plan."""
 
     @property
     def name(self) -> str: ...
@@ -81,88 +77,105 @@ class Marked(Protocol):
     def agrees(self) -> bool: ...
     @property
     def sentence(self) -> str: ...
-
-
-class MarkedGroup(Marked, Protocol[Parameter]):
-    """The same with its parameters."""
-
     @property
-    def parameters(self) -> Sequence[Parameter]: ...
-
-
-Judged = MarkedGroup[ObservedParameter]
+    def parameters(self) -> Sequence[Any]: ...
 
 
 # ── what every study says in the same words ───────────────────────────────────────────────────
 
 
-def view_of(answer: StudyAnswer, subtitle: str, sections: list[Section], *, simulated: bool = True) -> Page:
-    """The whole page: verdict, notes and title are the answer's; without runs nothing was compared."""
+def view_of(
+    answer: StudyAnswer,
+    subtitle: str,
+    sections: Iterable[Section],
+    tables: str,
+    *,
+    simulated: bool = True,
+    by_the_paper: bool = True,
+    details: Iterable[Section] = (),
+    settings: Sequence[tuple[str, str]] | None = None,
+) -> Page:
+    """The whole page: verdict, notes and title are the answer's; without runs nothing was compared. The
+    paper is cited for studies of its method. Behind
+    the `sections` stands how it was done: the `settings` (default: the answer's), what the `tables` hold;
+    `details` come last."""
     word = "Predicted" if not simulated else "Agrees" if answer.agrees else "Does not agree"
+    seed, version = answer.settings.seed, answer.versions.get("zerobeam", "")
+    facts = [
+        ("Study", shown(answer.study)),
+        *(settings_facts(answer) if settings is None else settings),
+        ("Time", f"{numbers.significant(answer.seconds, 2)}{numbers.NO_BREAK}s"),
+        ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer.versions.items())),
+        ("To cite", study_citation(answer.study, str(seed), version, by_the_paper=by_the_paper)),
+    ]
+    files = f"study.json beside this page holds every number unrounded; {tables} as plain tables."
+    how = section_of("How it was done", Facts(facts), Paragraph(files))
     return Page(
         sentence(answer.title),
-        subtitle,
+        f"{subtitle}, seed {seed}",
         Verdict("pass" if answer.agrees else "weak", word, sentence(answer.headline)),
         [sentence(note) for note in answer.notes],
-        sections,
+        [*sections, how, *details],
     )
+
+
+def settings_facts(answer: StudyAnswer) -> list[tuple[str, str]]:
+    """The settings by their descriptions, as they were stated."""
+
+    def text(value: object) -> str:
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if isinstance(value, int | float):
+            return numbers.exact(value)
+        return ", ".join(map(text, value)) if isinstance(value, tuple) else sentence(str(value))
+
+    settings = answer.settings
+    every = keys(cast(Any, type(settings)))
+    return [(capital(one.description), text(getattr(settings, one.attribute))) for one in every]
 
 
 def plan_title(name: str) -> str:
     return f"Plan {clipped(name, LONGEST_NAME)}"
 
 
-def plan_in_words(words: str, shots: int, noise: str, robot: str | None = None) -> str:
-    """A plan, its measurements, its robot (if any) and its noise in words."""
-    of_robot = f" of {clipped(robot)}" if robot is not None else ""
-    return f"{sentence(words)} ({counted(shots, 'measurement')}{of_robot}; noise: {noise})"
+def plan_facts(plan: PlanOfStudy, *more: tuple[str, str]) -> Facts:
+    """A plan in words, its arm, measurements and noise, how many truths the arm could not meet, and more."""
+    noise = (
+        f"joint {numbers.exact(plan.noise.joint_deg, 'deg')}, spot {numbers.exact(plan.noise.spot_mm, 'mm')}"
+    )
+    facts = [("Plan", sentence(plan.words)), ("Robot", clipped(plan.robot))]
+    return Facts([*facts, ("Measurements", str(plan.shots)), ("Noise", noise), *more])
+
+
+def unmet_fact(failed: int) -> tuple[str, str]:
+    """The truths for which the arm cannot hit the target."""
+    return "Targets not hit", f"{failed} (others drawn in their place)" if failed else "none"
+
+
+def plans_in_words(
+    plans: Iterable[Any], noise: Callable[[Any], str], robot: Callable[[Any], str] = lambda plan: ""
+) -> Section:
+    """A section with each plan in a line."""
+    facts = [
+        (
+            clipped(plan.name, LONGEST_NAME),
+            f"{sentence(plan.words)} ({counted(plan.shots, 'measurement')}{robot(plan)};"
+            f" noise: {noise(plan)})",
+        )
+        for plan in plans
+    ]
+    return section_of("Plans", Facts(facts), level=2)
 
 
 def noise_in_words(noise: NoiseLevel) -> str:
     return f"joint {numbers.exact(noise.joint_deg, 'deg')}, spot {numbers.exact(noise.spot_mm, 'mm')}"
 
 
-def unmet_in_words(failed: int) -> str:
-    """The truths for which the arm cannot hit the target."""
-    return f"{failed} (others drawn in their place)" if failed else "none"
-
-
-def how_it_was_done(answer: StudyAnswer, settings: list[tuple[str, str]], tables: str) -> Section:
-    """The study's name, its settings, time and versions; `tables` names the CSV files and what they hold."""
-    facts = [
-        ("Study", shown(answer.study)),
-        *settings,
-        ("Time", f"{numbers.significant(answer.seconds, 2)}{numbers.NO_BREAK}s"),
-        ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer.versions.items())),
-        ("To cite", _citation(answer, dict(settings).get("Seed"))),
-    ]
-    files = f"study.json beside this page holds every number unrounded; {tables} as plain tables."
-    return section_of("How it was done", Facts(facts), Paragraph(files))
-
-
-_OTHER_METHODS = ("drift", "instruments")
-
-
-def _citation(answer: StudyAnswer, seed: str | None) -> str:
-    """Of studies of other methods than a beam on a target without the article."""
-    if isinstance(answer, GridStudy):
-        by_the_paper = any(kind.beam for kind in kinds_of(answer.settings.as_in_file()).values())
-    else:
-        by_the_paper = answer.study not in _OTHER_METHODS
-    version = answer.versions.get("zerobeam", "")
-    return study_citation(answer.study, seed, version, by_the_paper=by_the_paper)
-
-
-def seconds(value: float | None) -> str:
-    """A time to three significant digits."""
-    return NOT_GIVEN if value is None else numbers.significant(value, 3, "s")
-
-
 def spread(value: float | None, unit: str = "") -> str:
     """A standard deviation to two significant digits; it may be zero."""
-    return (
-        NOT_GIVEN if value is None else numbers.spread(value, unit) if value > 0 else numbers.exact(0, unit)
-    )
+    if value is None:
+        return NOT_GIVEN
+    return numbers.spread(value, unit) if value > 0 else numbers.exact(0, unit)
 
 
 def spread_range(low: float | None, high: float | None, unit: str = "") -> str:
@@ -170,30 +183,41 @@ def spread_range(low: float | None, high: float | None, unit: str = "") -> str:
     return NOT_GIVEN if low is None or high is None else f"{spread(low)} to {spread(high, unit)}"
 
 
+def smallest_to_largest(values: Iterable[float | None], unit: str = "") -> str:
+    """The range of those that are determined, and how many are not."""
+    every = list(values)
+    known = [value for value in every if value is not None]
+    if not known:
+        return NOT_DETERMINED
+    text, lacking = spread_range(min(known), max(known), unit), len(every) - len(known)
+    return f"{text}; {lacking} {NOT_DETERMINED}" if lacking else text
+
+
 # ── verdicts ──────────────────────────────────────────────────────────────────────────────────
 
 
-def standing(part: Marked) -> tuple[str, str]:
-    """The mark and the words of an estimator, or of its ranks: agrees, fails, or fails as it must."""
-    return STANDING[part.control, part.agrees]
+def standing(part: Any, *, control: bool = False) -> tuple[str, str]:
+    """The mark and the words of an estimator, its ranks, or a share: agrees, fails, or fails as it must."""
+    mark, words, _ = _STANDING[control or getattr(part, "control", False), part.agrees]
+    return mark, words
 
 
-def standing_cell(part: Marked) -> Cell:
+def standing_cell(part: Any) -> Cell:
     mark, words = standing(part)
     return Cell(words, mark=mark)
 
 
-def meanings(parts: Sequence[Judged], others: Sequence[Marked] = ()) -> list[LegendEntry]:
+def meanings(parts: Sequence[Marked], others: Sequence[Marked] = ()) -> list[LegendEntry]:
     """Entries of a legend: what each mark that occurs in `parts` and `others` means."""
     present = {(part.control, part.agrees) for part in (*parts, *others)}
-    entries = [LegendEntry(*STANDING[key], text) for key, text in _MEANING.items() if key in present]
+    entries = [LegendEntry(*about) for key, about in _STANDING.items() if key in present]
     if any(not row.shares for part in parts for row in part.parameters):
         text = "unidentifiable from the data sets of this plan, so there is no interval to judge"
         entries.append(LegendEntry("unidentifiable", NOT_DETERMINED, text))
     return entries
 
 
-def verdicts(parts: Sequence[Marked]) -> list[LegendEntry]:
+def verdicts(parts: Iterable[Marked]) -> list[LegendEntry]:
     """Reasons of a legend: each part's name and standing, and its sentence."""
     rows = []
     for part in parts:
@@ -203,18 +227,7 @@ def verdicts(parts: Sequence[Marked]) -> list[LegendEntry]:
     return rows
 
 
-def undetermined(parts: Iterable[Judged]) -> list[str]:
-    """Names of the parameters that have no interval, by any part but a control."""
-    names = [row.name for part in parts if not part.control for row in part.parameters if not row.shares]
-    return [label(name) for name in dict.fromkeys(names)]
-
-
-def rows_of(
-    part: MarkedGroup[Parameter],
-    words: str,
-    width: int,
-    cells: Callable[[Parameter, bool], Sequence[str | Cell] | None],
-) -> list[Row]:
+def rows_of(part: Marked, words: str, width: int, cells: Callable[[Any, bool], Cells | None]) -> list[Row]:
     """The row that heads a part, with its `words` and standing, and one for each parameter: `width` cells
     behind the name, of the parameter and whether the part is a control; None where it is not determined."""
     mark, verdict = standing(part)
@@ -230,7 +243,38 @@ def rows_of(
     return rows
 
 
+def parts_table(
+    caption: str, columns: Sequence[str], parts: Iterable[Any], cells: Callable[[Any, bool], Cells | None]
+) -> Table:
+    """The parameters of each part under `columns`, behind their names."""
+    rows = [row for part in parts for row in rows_of(part, getattr(part, "words", ""), len(columns), cells)]
+    return table_of(caption, ["parameter", *columns], rows)
+
+
+def overview(
+    caption: str,
+    columns: Sequence[str],
+    groups: Iterable[tuple[str, str, Iterable[Any]]],
+    cells: Callable[[Any], Cells],
+    aligned: str = "llr",
+) -> Table:
+    """A row for each part of each group: its name, whether it agrees, and its cells. A group with a title has
+    a row with its words above."""
+    rows = []
+    for title, words, parts in groups:
+        if title:
+            rows.append(row_of(title, Cell(words, span=len(columns) - 1)))
+        for part in parts:
+            # The verdict second, so that a phone shows it without scrolling.
+            verdict = standing_cell(part)
+            rows.append(row_of(clipped(part.name, LONGEST_NAME), verdict, *cells(part), tone=verdict.mark))
+    return table_of(caption, columns, rows, aligned)
+
+
 # ── shares of intervals ───────────────────────────────────────────────────────────────────────
+
+FARTHEST = "Share of intervals that hold the truth, in %: the parameter farthest from"
+SHARES = "Share of intervals that hold the truth, in %, with its 95 % binomial interval"
 
 
 def percent(level: float) -> str:
@@ -238,7 +282,7 @@ def percent(level: float) -> str:
     return f"{numbers.exact(100 * level)}{numbers.NO_BREAK}%"
 
 
-def share(row: Share) -> str:
+def share(row: Any) -> str:
     """The share of intervals that held the truth, in per cent and without the sign."""
     return numbers.fixed(100 * row.share, _share_decimals(row.low, row.high, row.of))
 
@@ -269,24 +313,16 @@ def share_cell(entry: Share | None, control: bool) -> Cell:
     return Cell(text, mark="" if control or entry.agrees else "weak")
 
 
-def worst_at(part: Judged, level: float) -> tuple[ObservedParameter, Share] | None:
+def worst_at(part: Marked, level: float) -> tuple[ObservedParameter, Share] | None:
     """The parameter whose share at `level` is farthest from it, with its share; None if none has one.
 
     Measured in binomial standard deviations, since parameters may have different numbers of data sets.
     """
-    entries = [
-        (abs(entry.share - level) * math.sqrt(entry.of), row, entry)
-        for row in part.parameters
-        for entry in row.shares
-        if entry.level == level
-    ]
-    if not entries:
-        return None
-    _, row, entry = max(entries, key=lambda item: item[0])
-    return row, entry
+    entries = [(row, one) for row in part.parameters for one in row.shares if one.level == level]
+    return max(entries, key=lambda entry: abs(entry[1].share - level) * math.sqrt(entry[1].of), default=None)
 
 
-def worst_cell(part: Judged, level: float) -> str:
+def worst_cell(part: Marked, level: float) -> str:
     worst = worst_at(part, level)
     return NOT_DETERMINED if worst is None else f"{label(worst[0].name, 12).split(' ')[0]}: {share(worst[1])}"
 
@@ -311,7 +347,7 @@ def error_cells(row: ObservedParameter, runs: int) -> list[str | Cell] | None:
     ]
 
 
-def share_and_errors(row: ParameterWithShare, control: bool) -> list[str | Cell] | None:
+def share_and_errors(row: Any, control: bool) -> list[str | Cell] | None:
     """The cells of a share and, under ERROR_COLUMNS, of the errors; None where there is no share."""
     if row.coverage is None:
         return None
@@ -321,29 +357,44 @@ def share_and_errors(row: ParameterWithShare, control: bool) -> list[str | Cell]
 
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
 
-ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std")
-_SHARE = ("held", "of", "share", "low", "high", "agrees")
+SHARE_COLUMNS = "held of share low high agrees"
+ERRORS = "bias bias_mcse rmse predicted_std"
 
 
-def columns_of(thing: object, *keys: str, prefix: str = "") -> PlainRow:
+def flat(way: str, columns: str) -> Callable[[StudyAnswer], Iterator[PlainRow]]:
+    """Rows of a CSV file: one for each part at the end of the `way` of attributes from the answer.
+
+    A column is an attribute of that part, or `name=path`: the path begins with the number of a part on the
+    way, 0 the answer. It is empty where there is nothing, and names are joined. A part that is None has a row
+    of its own.
+    """
+    named = [column.partition("=")[::2] for column in columns.split()]
+
+    def rows(answer: StudyAnswer) -> Iterator[PlainRow]:
+        chains: list[tuple[object, ...]] = [(answer,)]
+        for step in way.split():
+            chains = [(*above, part) for above in chains for part in _parts(getattr(above[-1], step))]
+        for chain in chains:
+            yield {name: _at(chain, path or f"{len(chain) - 1}.{name}") for name, path in named}
+
+    return rows
+
+
+def _parts(value: Any) -> list[Any]:
+    if isinstance(value, Mapping):
+        return list(value.items())
+    return list(value) if isinstance(value, tuple | list) else [value]
+
+
+def _at(chain: tuple[object, ...], path: str) -> object:
+    number, *names = path.split(".")
+    value: Any = chain[int(number)]
+    for name in names:
+        if value is not None:
+            value = value[int(name)] if name.isdigit() else getattr(value, name, None)
+    return " ".join(value) if isinstance(value, tuple) else value
+
+
+def columns_of(thing: object, *names: str, prefix: str = "") -> PlainRow:
     """Attributes as columns; empty where there is none."""
-    return {f"{prefix}{key}": getattr(thing, key, None) for key in keys}
-
-
-def share_columns(entry: Share | None) -> PlainRow:
-    return columns_of(entry, *_SHARE)
-
-
-def parameter_columns(
-    part: Marked, row: ParameterWithShare, level: float, *keys: str, **of_part: object
-) -> PlainRow:
-    """A parameter, its share and errors as columns, behind those `of_part`; `keys` are more attributes."""
-    return {
-        **of_part,
-        "control": part.control,
-        "parameter": row.name,
-        **columns_of(row, "unit", "status"),
-        "level": level,
-        **share_columns(row.coverage),
-        **columns_of(row, *ERRORS, *keys),
-    }
+    return {f"{prefix}{name}": getattr(thing, name, None) for name in names}

@@ -29,7 +29,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.studies.sweeps.axes import axes_picture
+from zerobeam.reports.studies.sweep_figures import axes_picture
 from zerobeam.words import numbers
 from zerobeam.words.observability import direction_remedy, reason
 

@@ -9,7 +9,7 @@ import pytest
 from zerobeam.experiments.studies import drift_coverage as module
 from zerobeam.experiments.studies.drift_coverage import DriftStudy, drift_study
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.studies.drift_page import drift_pictures, power_rows
+from zerobeam.reports.studies.drift_page import POWER, drift_pictures
 from zerobeam.reports.studies.kinds import study_page
 
 
@@ -25,7 +25,7 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
     assert page.verdict.key in ("pass", "weak")
     (picture,) = drift_pictures(answer)
     assert picture is not None
-    assert len(list(power_rows(answer))) == len(answer.power)
+    assert len(list(POWER(answer))) == len(answer.power)
 
 
 def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

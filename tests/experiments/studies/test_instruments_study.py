@@ -11,7 +11,7 @@ from zerobeam.experiments.studies import instrument_choice
 from zerobeam.experiments.studies.instrument_choice import BUILT_IN, SetupsFile, instruments_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.parsing.validation import read_model
-from zerobeam.reports.studies.instruments_page import instruments_pictures, setup_rows
+from zerobeam.reports.studies.instruments_page import SETUPS, instruments_pictures
 from zerobeam.reports.studies.kinds import study_page
 
 TWO = """\
@@ -78,7 +78,7 @@ def test_page_figure_and_table_show_all(answer: instrument_choice.InstrumentsStu
     (picture,) = instruments_pictures(answer)
     assert picture is not None
     assert "bar on the axis: offsets not determined with 20 measurements" in picture.alt
-    rows = list(setup_rows(answer))
+    rows = list(SETUPS(answer))
     assert [row["setup"] for row in rows] == ["tracker"] * 2 + ["bar on the axis"] * 2
     assert rows[-1]["undetermined"] == "delta6"
 

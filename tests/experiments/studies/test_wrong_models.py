@@ -16,7 +16,7 @@ from zerobeam.experiments.studies.wrong_scenarios import scenarios
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.studies.kinds import study_page
-from zerobeam.reports.studies.wrong_models_page import markdown, model_rows
+from zerobeam.reports.studies.wrong_models_page import MODELS, markdown
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -84,7 +84,7 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
     assert (jump.passes, jump.beyond) == (0, 0)
     assert answer.agrees
     assert study_page(answer).verdict.key == "pass"
-    assert len(list(model_rows(answer))) == 3
+    assert len(list(MODELS(answer))) == 3
     assert markdown(answer).count("\n") == 5
 
 

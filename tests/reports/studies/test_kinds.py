@@ -14,7 +14,7 @@ from example_geometry_study import geometry_study
 from example_studies import agreeing, cell_study, disagreeing, hostile, typed
 from made_once import made_once
 
-from zerobeam.model.errors import BadInput
+from zerobeam.model.errors import BadInput, UnsoundResult
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.whole_folder import check_target
 from zerobeam.reports.studies.kinds import STUDIES, study_kind, study_of, study_page, write_study
@@ -68,7 +68,7 @@ def test_all_files_are_there_over_those_of_before_and_stay_when_a_number_is_none
         paths = write_study(str(out), of)  # a name as a string will do
     endless = agreeing()
     endless["plans"][0]["estimators"][0]["parameters"][0]["bias"] = float("nan")
-    with pytest.raises(ValueError, match="JSON"):
+    with pytest.raises(UnsoundResult, match=r"parameters\[0\].bias is nan"):
         write_study(out, typed(endless))
     assert json.loads(paths.result.read_text(encoding="utf-8")) == agreeing()
     assert {str(path.relative_to(out)) for path in out.rglob("*")} == WHOLE

@@ -30,8 +30,7 @@ from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
 from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page, write_study
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
-from zerobeam.reports.studies.sweeps.grid_words import dot_pages, figure_names, rmse_interval, tolerance
-from zerobeam.reports.studies.sweeps.marks import gap
+from zerobeam.reports.studies.sweep_figures import dot_pages, figure_names, gap, rmse_interval, tolerance
 from zerobeam.reports.style.blocks import Page as BlockPage
 from zerobeam.reports.style.blocks import Row
 from zerobeam.reports.style.canvas import Picture, log_ticks

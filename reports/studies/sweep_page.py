@@ -7,20 +7,20 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
 
-from ....analysis.status import Verdict as CaseVerdict
-from ....experiments.studies.sweeps.grid_answer import (
+from ...analysis.status import Verdict as CaseVerdict
+from ...experiments.studies.sweeps.grid_answer import (
     CaseParameter,
     GridCase,
     GridStudy,
     LikelihoodErrors,
     RunErrors,
 )
-from ....words import numbers
-from ....words.wording import clipped, counted, label, listed, sentence, shown
-from ...style.blocks import (
+from ...model.instruments.registry import kinds_of
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed, sentence, shown
+from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
@@ -35,122 +35,8 @@ from ...style.blocks import (
     section_of,
     table_of,
 )
-from ...style.canvas import Picture, bare_y, log_ticks, new_figure, set_log_scale, style, to_svg
-from ...style.palette import light
-from ...style.typeface import in_font
-from ..coverage_figures import head_rows, name_rows
-from ..study_blocks import (
-    BY_CHANCE,
-    LONGEST_NAME,
-    NOT_DETERMINED,
-    NOT_GIVEN,
-    PlainRow,
-    columns_of,
-    how_it_was_done,
-    percent,
-    share_text,
-    view_of,
-)
-from .axes import axes_picture
-from .grid_words import (
-    NO_PLAN,
-    STANDING,
-    case_name,
-    dot_pages,
-    figure_names,
-    form_of,
-    is_varied,
-    shown_unit,
-    standing,
-    tolerance,
-    unit_signs,
-    value_text,
-)
-from .heat_map import map_picture, ratio_picture
-from .line_figure import lines_picture
-from .marks import FITS, UNCERTAINTY, draw_fits, draw_tolerance, gap, hatch, legend, log_scale, write_gap
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-_ROW = 0.165  # inches
-_MARK: Mapping[str, Any] = {"marker": "|", "markersize": 8, "markeredgewidth": 2.2, "linewidth": 0}
-
-
-def dots_pictures(study: GridStudy) -> list[Picture]:
-    """Rows are the parameters of each case, headed by its name and verdict; as many figures as it takes."""
-    pages = dot_pages(study)
-    drawn, total = sum(map(len, pages)), len(study.cases)
-    cut = f"; {drawn} of {total} cases shown, all in offsets.csv" if drawn < total else ""
-    return [
-        _picture(study, cases, f"dots_{number}", cut if number == len(pages) else "")
-        for number, cases in enumerate(pages, start=1)
-    ]
-
-
-def _picture(study: GridStudy, cases: list[GridCase], name: str, cut: str) -> Picture:
-    rows = [(case, one) for case in cases for one in (None, *case.parameters)]
-    parameters = [one for _, one in rows if one is not None]
-    low, high = log_scale(study, {one.unit for one in parameters} or {"deg"})
-    gaps: set[str] = set()
-    with style():
-        figure = new_figure(0.95 + _ROW * len(rows))
-        axes = figure.subplots()
-        set_log_scale(axes, "x", low, high)
-        bare_y(axes)
-        axes.grid(visible=False)
-        for y, (case, one) in enumerate(rows):
-            if one is None:
-                mark, words = standing(case)
-                colour = light("ink" if mark == "identified" else mark)
-                head_rows(axes, y + 0.1, f"{case_name(study, case)}: {words}", 9, color=colour)
-            else:
-                gaps |= _row(axes, y, study, case, one)
-        axes.set_ylim(len(rows) - 0.4, -0.6)
-        name_rows(axes, [(y, label(one.name, 12)) for y, (_, one) in enumerate(rows) if one is not None], 8.5)
-        axes.set_xlabel(in_font(f"{UNCERTAINTY} u, {unit_signs(parameters) or '°'}"))
-        legend(figure, study, gaps, **_MARK)
-        svg = to_svg(figure, name)
-    title = f"Predicted {UNCERTAINTY} u of each parameter and errors of simulated runs{cut}"
-    return Picture(name, title, _alt(study, cases), svg)
-
-
-def _row(axes: Axes, y: int, study: GridStudy, case: GridCase, one: CaseParameter) -> set[str]:
-    """Draw one row; the words of its gap, if it is one."""
-    low, high = y - 0.5, y + 0.5
-    axes.vlines(log_ticks(*axes.get_xlim()), low, high, color=light("line"), linewidth=0.5, zorder=0.5)
-    draw_tolerance(study, one, axes.vlines, ymin=low, ymax=high, zorder=0.6)
-    if words := gap(case, one):
-        hatch(axes.axhspan, y - 0.4, y + 0.4, words=words, zorder=1, facecolor=light("ground"))
-        across = axes.get_yaxis_transform()
-        write_gap(axes, 0.5, y, words, transform=across, va="center_baseline", fontsize=8)
-        return {words}
-    if one.std is not None:
-        axes.plot([one.std], [y], color=light("identified"), zorder=2, **_MARK)
-    draw_fits(axes, y, one, upright=False)
-    return set()
-
-
-def _alt(study: GridStudy, cases: list[GridCase]) -> str:
-    parts = []
-    for case in cases:
-        rows = [f"{label(one.name)} {_in_words(case, one)}" for one in case.parameters]
-        text = NO_PLAN if case.reason is not None else f"{standing(case)[1]}, {'; '.join(rows)}"
-        parts.append(f"{case_name(study, case)}: {text}")
-    return f"Standard uncertainties of the parameters. {'. '.join(parts)}."
-
-
-def _in_words(case: GridCase, one: CaseParameter) -> str:
-    unit = shown_unit(one)
-    if one.std is None:
-        return gap(case, one)
-    observed = [
-        f"RMSE of the {fit} fit {numbers.spread(errors.rmse, unit)}"
-        for fit in FITS
-        if (errors := one.errors(fit))
-    ]
-    return ", ".join([f"predicted {numbers.spread(one.std, unit)}", *observed])
-
+from . import study_blocks as blocks
+from .sweep_figures import STANDING, case_name, figure_names, is_varied, shown_unit, tolerance, value_text
 
 MOST_ROWS = 60
 _MOST_BEST = 20  # cases of a table that cannot have them all
@@ -162,7 +48,7 @@ def sweep_page(study: GridStudy) -> Page:
     """The display strings of a study over settings."""
     over = listed([clipped(axis.label) for axis in study.axes])
     settings = study.settings.as_in_file()
-    facts = [(clipped(name, LONGEST_NAME), text) for name, text in _settings(study, settings)]
+    facts = [(clipped(name, blocks.LONGEST_NAME), text) for name, text in _settings(study, settings)]
     facts.append(("Seed", str(study.settings.seed)))
     sections = [
         section_of(
@@ -174,11 +60,17 @@ def sweep_page(study: GridStudy) -> Page:
             Legend(_meanings(study), _without_plan(study)),
         ),
         section_of("Each parameter", Paragraph(_how_to_read(study)), _parameters(study)),
-        how_it_was_done(study, facts, "cases.csv and offsets.csv hold every case and every parameter of it"),
-        *_words(study),
     ]
-    subtitle = f"{counted(len(study.cases), 'case')} by {over}, seed {study.settings.seed}"
-    return view_of(study, subtitle, sections, simulated=study.settings.runs > 0)
+    return blocks.view_of(
+        study,
+        f"{counted(len(study.cases), 'case')} by {over}",
+        sections,
+        "cases.csv and offsets.csv hold every case and every parameter of it",
+        simulated=study.settings.runs > 0,
+        by_the_paper=any(kind.beam for kind in kinds_of(settings).values()),
+        details=_words(study),
+        settings=facts,
+    )
 
 
 # ── tables ────────────────────────────────────────────────────────────────────────────────────
@@ -198,9 +90,10 @@ def _summary(study: GridStudy) -> Table:
         *(["failed fits"] if failed else []),
     ]
     rows = []
-    shown = study.cases if len(study.cases) <= MOST_ROWS else _best(study.cases)
-    for case in shown:
-        mark, words = standing(case)
+    best = sorted(study.cases, key=_rank)[:_MOST_BEST]
+    listed_cases = study.cases if len(study.cases) <= MOST_ROWS else best
+    for case in listed_cases:
+        mark, words = STANDING[case.verdict]
         cells: list[str | Cell] = [value_text(axis, i) for axis, i in zip(study.axes, case.at, strict=True)]
         cells += [Cell(words, mark=mark)]
         cells += [str(case.shots or "")] if counts else []
@@ -211,16 +104,11 @@ def _summary(study: GridStudy) -> Table:
     plans = f"plan of {counted(shots.pop(), 'measurement')}" if len(shots) == 1 else "plan"
     caption = f"Verdict of each {plans}, and predicted standard uncertainty u of its least certain offset"
     caption += "; whether simulated runs agree with the prediction" if simulated else ""
-    if len(shown) < len(study.cases):
-        caption += f" (the {len(shown)} best of {len(study.cases)} cases shown, all in cases.csv)"
+    if len(listed_cases) < len(study.cases):
+        caption += f" (the {len(listed_cases)} best of {len(study.cases)} cases shown, all in cases.csv)"
     sides = "".join("r" if i and axis.numeric else "l" for i, axis in enumerate(study.axes))
     aligned = f"{sides}l{'r' if counts else ''}r{'l' if simulated else ''}r"
     return table_of(caption, columns, rows, aligned)
-
-
-def _best(cases: Sequence[GridCase]) -> list[GridCase]:
-    """Those with the smallest u of their least certain offset."""
-    return sorted(cases, key=_rank)[:_MOST_BEST]
 
 
 def _rank(case: GridCase) -> float:
@@ -234,9 +122,9 @@ def _over_cases(study: GridStudy) -> Table | None:
     columns = ["offset", "smallest u", "median", "largest", "not determined"]
     rows = []
     for one in study.over_cases():
-        unit = clipped(one.unit, LONGEST_NAME)
+        unit = clipped(one.unit, blocks.LONGEST_NAME)
         figures = (one.least, one.median, one.largest)
-        cells = [NOT_DETERMINED if std is None else numbers.spread(std, unit) for std in figures]
+        cells = [blocks.NOT_DETERMINED if std is None else numbers.spread(std, unit) for std in figures]
         rows.append(row_of(label(one.name, 12), *cells, f"in {one.without} of {one.cases}"))
     caption = (
         "Predicted standard uncertainty u of each offset over the cases that have a plan; not determined"
@@ -258,15 +146,11 @@ def _beside(study: GridStudy) -> Table | None:
     columns = ["case", "verdict", *(label(name, 12) for name in names)]
     rows = []
     for case in study.beside:
-        mark, words = standing(case)
-        stds = {one.name: _of_beside(one) for one in case.parameters}
+        mark, words = STANDING[case.verdict]
+        stds = {one.name: _predicted(one) if one.has_numbers else _unknown(one) for one in case.parameters}
         cells = [stds.get(name, "") for name in names]
         rows.append(row_of(clipped(case.words, _LONGEST_TEXT), Cell(words, mark=mark), *cells))
     return table_of("Beside the grid: predicted standard uncertainty u of each offset", columns, rows, "llr")
-
-
-def _of_beside(one: CaseParameter) -> str:
-    return _predicted(one) if one.has_numbers else _unknown(one)
 
 
 def _least_certain(case: GridCase) -> str:
@@ -277,7 +161,7 @@ def _least_certain(case: GridCase) -> str:
     names = [label(one.name, 12) for one in case.unidentifiable if one.group == "offset"]
     # Short enough for a column of the terminal.
     which = listed(names) if 0 < len(names) < 3 else counted(len(names), "offset")
-    return f"{which}: {NOT_DETERMINED}" if names else NOT_DETERMINED
+    return f"{which}: {blocks.NOT_DETERMINED}" if names else blocks.NOT_DETERMINED
 
 
 def _agreement(case: GridCase) -> Cell:
@@ -292,7 +176,7 @@ def _parameters(study: GridStudy) -> Table | None:
     likelihood, midpoint = study.has("likelihood"), study.has("midpoint")
     columns = ["parameter", "status", "predicted u"]
     if likelihood:
-        within = f"within {percent(study.settings.level)}"
+        within = f"within {blocks.percent(study.settings.level)}"
         columns += ["RMSE", "bias", within]
     if midpoint:
         columns.append("midpoint RMSE")
@@ -303,7 +187,7 @@ def _parameters(study: GridStudy) -> Table | None:
     rows: list[Row] = []
     count = 0
     for number, case in cases:
-        mark, words = standing(case)
+        mark, words = STANDING[case.verdict]
         about = f"{case_name(study, case)}: {words}, {counted(case.shots or 0, 'measurement')}"
         of_case = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
         for one in case.parameters:
@@ -320,7 +204,7 @@ def _parameters(study: GridStudy) -> Table | None:
 
 
 def _unknown(one: CaseParameter) -> str:
-    return NOT_DETERMINED if one.status == "unidentifiable" else "held"
+    return blocks.NOT_DETERMINED if one.status == "unidentifiable" else "held"
 
 
 def _cells(one: CaseParameter, likelihood: bool, midpoint: bool) -> list[str | Cell]:
@@ -331,16 +215,16 @@ def _cells(one: CaseParameter, likelihood: bool, midpoint: bool) -> list[str | C
         bias = numbers.estimate(one.likelihood.bias, one.likelihood.bias_std, unit)
         cells += [_rmse(one.likelihood, unit), bias, _held(one.likelihood)]
     elif likelihood:
-        cells += [NOT_GIVEN] * 3
+        cells += [blocks.NOT_GIVEN] * 3
     if midpoint:
-        cells.append(NOT_GIVEN if one.midpoint is None else _rmse(one.midpoint, unit))
+        cells.append(blocks.NOT_GIVEN if one.midpoint is None else _rmse(one.midpoint, unit))
     return cells
 
 
 def _predicted(one: CaseParameter, beside: RunErrors | None = None) -> str:
     """A prediction: two digits, or as many as the RMSE of the runs next to it."""
     if one.std is None:
-        return NOT_GIVEN
+        return blocks.NOT_GIVEN
     about = one.std if beside is None else _about(beside)
     return numbers.estimate(one.std, about, shown_unit(one))
 
@@ -355,7 +239,7 @@ def _about(errors: RunErrors) -> float:
 
 
 def _held(errors: LikelihoodErrors) -> Cell:
-    text = share_text(errors.held, errors.held_low, errors.held_high, errors.runs)
+    text = blocks.share_text(errors.held, errors.held_low, errors.held_high, errors.runs)
     return Cell(text, mark="identified" if errors.agrees else "weak")
 
 
@@ -374,9 +258,10 @@ def _how_to_read(study: GridStudy) -> str:
     unmet = sum(case.unmet for case in study.cases)
     more = f" {counted(unmet, 'more arm')} that cannot hit the target had been drawn." if unmet else ""
     return (
-        f"{meaning} RMSE and bias are those of fits to simulated runs. The share is that of their"
-        f" {percent(study.settings.level)} intervals that hold the truth, with its 95 % binomial interval;"
-        f" a diamond marks a share or a scatter that contradicts the prediction. {BY_CHANCE}{more}"
+        f"{meaning} RMSE and bias are those of fits to simulated runs. The share is that of"
+        f" their {blocks.percent(study.settings.level)} intervals that hold the truth, with its 95 % binomial"
+        f" interval; a diamond marks a share or a scatter that contradicts the prediction."
+        f" {blocks.BY_CHANCE}{more}"
     )
 
 
@@ -444,52 +329,42 @@ def _words(study: GridStudy) -> list[Section]:
     return [section_of("Cases", Facts(rows), level=2)]
 
 
-def sweep_pictures(study: GridStudy) -> list[Picture | None]:
-    """Their form follows from the axes."""
-    form = form_of(study)
-    if form == "dots":
-        return [*dots_pictures(study)]
-    if form == "lines":
-        return [lines_picture(study)]
-    return [map_picture(study) if form == "map" else axes_picture(study), ratio_picture(study)]
-
-
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
 
 _RUN_ERRORS = ("runs", "rmse", "bias", "bias_std")
 
 
-def case_rows(study: GridStudy) -> Iterator[PlainRow]:
+def case_rows(study: GridStudy) -> Iterator[blocks.PlainRow]:
     """One row for each case; no number where it does not identify all offsets."""
     for number, case in enumerate((*study.cases, *study.beside), start=1):
         yield {
             **_case_columns(study, number, case),
-            **columns_of(case, "words", "verdict", "reason", "shots", "failed", "unmet"),
+            **blocks.columns_of(case, "words", "verdict", "reason", "shots", "failed", "unmet"),
             "worst_offset": case.worst.name if case.worst is not None else None,
             "worst_std": case.worst_std,
             "not_determined": " ".join(one.name for one in case.unidentifiable),
         }
 
 
-def parameter_rows(study: GridStudy) -> Iterator[PlainRow]:
+def parameter_rows(study: GridStudy) -> Iterator[blocks.PlainRow]:
     """One row for each case and parameter; nothing but names where the case does not identify it."""
     for number, case in enumerate((*study.cases, *study.beside), start=1):
         for one in case.parameters:
             yield {
                 **_case_columns(study, number, case),
                 "parameter": one.name,
-                **columns_of(one, "unit", "status", "std"),
-                **columns_of(
+                **blocks.columns_of(one, "unit", "status", "std"),
+                **blocks.columns_of(
                     one.likelihood,
                     *_RUN_ERRORS,
                     *("held", "held_low", "held_high", "agrees"),
                     prefix="likelihood_",
                 ),
-                **columns_of(one.midpoint, *_RUN_ERRORS, prefix="midpoint_"),
+                **blocks.columns_of(one.midpoint, *_RUN_ERRORS, prefix="midpoint_"),
             }
 
 
-def _case_columns(study: GridStudy, number: int, case: GridCase) -> PlainRow:
+def _case_columns(study: GridStudy, number: int, case: GridCase) -> blocks.PlainRow:
     """Columns that say which case it is; axes are numbered, so that no key hides another column."""
     at = case.at or (None,) * len(study.axes)  # beside the grid
     named = enumerate(zip(study.axes, at, strict=True), start=1)
