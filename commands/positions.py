@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..experiments.makers.format_options import ExportOptions
-from ..experiments.positions.positions_options import BackupOptions, ZeroOptions
+from ..experiments.positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from ..model.options import Option, argument
 from .console import out as console
 from .console import say, show_answer
@@ -58,7 +57,7 @@ def reach(
     run: Annotated[Path, Option("Run with the calibration of the arm.", metavar="RUN")],
     *,
     choices: BackupOptions,
-    options: ExportOptions,
+    options: ReachOptions,
     as_json: Json = False,
 ) -> None:
     """Nothing is entered at the controller: calculated poses are rewritten so that the arm reaches them.

@@ -27,6 +27,7 @@ PAGES = [
         "files-studies.md",
         "compare.md",
         "export.md",
+        "how-to/after-mastering.md",
         "how-to/app.md",
         "how-to/plant.md",
     )

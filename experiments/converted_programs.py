@@ -19,9 +19,8 @@ from ..model.kinematics.pendant import Pendant, pendant_of
 from ..model.kinematics.robot import Robot
 from ..words.provenance import is_simulated
 from ..words.wording import listed
-from .makers.calibration import RobotCalibration, calibration, require_nominal_arm
+from .makers.calibration import NotValidated, RobotCalibration, calibration, require_nominal_arm
 from .makers.fanuc.backup import read_fanuc_backup
-from .makers.format_options import ExportOptions
 from .makers.maker import require_vendor, vendor_of
 from .makers.universal_robots.kinematics import require_factory_arm
 from .positions.arm_change import ArmChange, kept, reached, up_to_flange
@@ -29,7 +28,7 @@ from .positions.audit import require_not_converted
 from .positions.conversion import Conversion, EnteredJoint, StatedFrames, converted_backup, shown_backup
 from .positions.entered_zeros import require_zeros, typed_zeros
 from .positions.position import PositionLanguage, What
-from .positions.positions_options import BackupOptions, ZeroOptions
+from .positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from .positions.program_backup import Backup, read_backup
 
 _LINES = re.compile(r"(?P<file>.+):(?P<first>\d+)(?:-(?P<last>\d+))?")
@@ -77,12 +76,13 @@ def kept_programs(
 
 
 def reached_programs(
-    path: Path, run: Path, choices: BackupOptions, options: ExportOptions, out: Path | None = None
+    path: Path, run: Path, choices: BackupOptions, options: ReachOptions, out: Path | None = None
 ) -> Conversion:
     """The backup with calculated poses for the true arm of a run: nothing was entered.
 
-    The run is judged as by `export`. Besides, BadInput where it is simulated, as no program can say so, and
-    where an offset is as good as what is assumed, unless `options` allow or exclude it.
+    The run is judged as by `export`. Besides, NotValidated where it has a misfit, whatever is allowed;
+    BadInput where it is simulated, as no program can say so, and where an offset is as good as what is
+    assumed, unless `options` allow or exclude it.
     """
     recorded = read_run(run)
     if is_simulated(recorded.header.provenance):
@@ -95,9 +95,17 @@ def reached_programs(
         require_factory_arm(recorded)
     how = {**vars(options)}
     held_out = how.pop("hold_out")
-    judged = calibration(
-        recorded, **how, held_out=None if held_out is None else read_run(held_out), holds="postures"
-    )
+    held_out_run = None if held_out is None else read_run(held_out)
+    try:
+        judged = calibration(recorded, **how, held_out=held_out_run, holds="postures")
+    except NotValidated as error:
+        raise NotValidated(
+            error.what,
+            found=error.found,
+            allowed="a run that the model describes: the poses move a robot",
+            remedy="look for the cause with zerobeam report, or record again",
+            file=run,
+        ) from None
     assumed = [
         one for one in judged.offsets if one.status == "assumed" and not (one.exported or one.left_out)
     ]
@@ -193,6 +201,14 @@ def _converted(
     out: Path | None,
     judged: RobotCalibration | None = None,
 ) -> Conversion:
+    uncertainty = None
+    if judged is not None and about.command == "reach":
+        behind = np.linalg.solve(robot.flange, up_to_flange(robot, robot).flange)[:3, 3]
+        of_flange = judged.place_uncertainty
+
+        def uncertainty(joints: Matrix, points: Matrix) -> Matrix:
+            return of_flange(joints, points + behind)
+
     backup = read_backup(path, vendor_of(robot))
     language = backup.language
     vendor = require_vendor(
@@ -207,7 +223,9 @@ def _converted(
     near = None
     if choices.near is not None:
         near = pendant.between_links(np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…")))
-    arm = ArmChange(nominal, language, pendant, *changes(nominal), near, about.command == "reach")
+    arm = ArmChange(
+        nominal, language, pendant, *changes(nominal), near, about.command == "reach", uncertainty
+    )
     frames = StatedFrames(
         _poses(choices.tools, choices.frames, "", language),
         _poses(choices.new_tools, choices.new_frames, "new-", language),

@@ -22,6 +22,7 @@ from .batch import Batch
 from .history.documents import ArmDocument, DriftOfArms, FleetDocument, HistoryList
 from .makers.calibration import RobotCalibration
 from .plans.make import MadePlan
+from .positions.conversion import Conversion
 from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
@@ -53,6 +54,7 @@ _ANSWERS: dict[str, type] = {
     "arm": ShownArm,
     "proposal": MadePlan,
     "offsets": RobotCalibration,
+    "positions": Conversion,
 }
 SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 

@@ -22,7 +22,7 @@ everywhere.) The arm's repeatability and its load are not in the numbers, nor is
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -265,6 +265,25 @@ def _errors(
     rms = np.sqrt(rms**2 + (left**2).sum(axis=1))
     after = LengthLaw.about(left, of_point, dof)
     return _Errors(np.array([length, std, after.quantile(), rms, before95]), before, after)
+
+
+def place_uncertainty(solution: Solution, applied: Collection[str], joints: Matrix, points: Matrix) -> Matrix:
+    """(P,) mm, U (k = 2) of the places of `points` (P, 3) mm of the flange at recorded `joints` (P, n), rad
+    or mm, once the offsets `applied`, by name, and the links are made up for: twice the root of the variances
+    of all three coordinates, J C J' (JCGM 102), in the base frame that joint 1's encoder defines.
+
+    NaN where an offset that moves the place is not determined by the data, or not among those applied.
+    """
+    problem = solution.problem
+    block = problem.parameters.block("offset")
+    _, jacobian = tool_point(problem, solution.fit.x, points, joints)
+    of_place = _transferred(arm_covariance(problem, solution.fit.covariance), jacobian)
+    uncorrected = undetermined_offsets(problem, solution.status)
+    uncorrected[1:] |= ~np.isin(problem.parameters.names[block][1:], list(applied))
+    nominal = tool_point(problem, problem.parameters.prior_mean, points, joints)[1]
+    moving = [moving_offsets(problem, nominal[i : i + 1]) for i in range(len(joints))]
+    known = ~(np.array(moving) & uncorrected).any(axis=1)
+    return np.where(known, 2 * np.sqrt(np.trace(of_place, axis1=1, axis2=2)), np.nan)
 
 
 def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:

@@ -20,6 +20,7 @@ import numpy as np
 from ...analysis.answer.findings import OtherBasins, without_a_result
 from ...analysis.answer.result import RunInputs
 from ...analysis.covariance import Covariance
+from ...analysis.diagnostics.accuracy import place_uncertainty
 from ...analysis.diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from ...analysis.diagnostics.values_to_enter import ValueToEnter, offsets_to_enter
 from ...analysis.displacement import Displacement
@@ -294,6 +295,7 @@ class RobotCalibration:
 
     `geometry` has the geometry parameters, none of an exact arm; `corrected` is the robot with all that a
     robot can hold of these, `posture_offsets` what gravity and harmonics add at recorded joints (n,), rad;
+    `place_uncertainty` U of points (P, 3) of the flange at joints (P, n) with all of this made up for;
     `left_out` those that the file does not hold, with the residuals'
     `rms_mm` (root mean square) as estimated and as the file has it. `rows` and `covariance` are the whole
     answer; `remarks` are of a file, beside the warnings of the calibration itself.
@@ -307,6 +309,7 @@ class RobotCalibration:
     geometry: Annotated[tuple[GeometryValue, ...], internal]
     corrected: Annotated[Robot, internal]
     posture_offsets: Annotated[Callable[[Matrix], Matrix], internal]
+    place_uncertainty: Annotated[Callable[[Matrix, Matrix], Matrix], internal]
     holds: Annotated[Holds, internal]
     left_out: Annotated[tuple[GeometryValue, ...], internal]
     rms_mm: Annotated[tuple[float, float], internal]
@@ -449,6 +452,7 @@ def calibration(
             geometry,
             corrected_robot(solution.problem, offsets, geometry),
             partial(posture_offsets, solution.problem, geometry),
+            partial(place_uncertainty, solution, _made_up_for(offsets, geometry)),
             holds,
             left_out,
             (rms_without(solution, ()), rms_without(solution, gone, offsets)),
@@ -463,6 +467,12 @@ def calibration(
                 *run.warnings,
             ),
         )
+
+
+def _made_up_for(offsets: Sequence[JointOffset], geometry: Sequence[GeometryValue]) -> tuple[str, ...]:
+    """The offsets that are corrected; none where a link is left out, whose error nothing states."""
+    out = any(value.left_out for value in geometry)
+    return () if out else tuple(one.name for one in offsets if one.exported)
 
 
 def _simulated(run: Run) -> tuple[str, ...]:

@@ -60,19 +60,22 @@ class PositionFrames:
 
 @dataclass(frozen=True, eq=False)
 class MovedPosition:
-    """Joints before and after, degrees (mm) with joint 3 from link 2, and numbers to be written."""
+    """Joints before and after, degrees (mm) with joint 3 from link 2, and numbers to be written;
+    `uncertainty_mm` is U (k = 2) of the tool's place, None where it is not known or not at stake."""
 
     before: Matrix
     after: Matrix
     values: tuple[float, ...]
     configuration: tuple[str, ...]
     moved_mm: float
+    uncertainty_mm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class ArmChange:
     """The `robot` as its controller computes, up to the flange; `change` and `undo` take joints to those that
-    are to be written and back, degrees (mm). `poses_only`: positions in joints stay."""
+    are to be written and back, degrees (mm). `poses_only`: positions in joints stay. `place_uncertainty` is U
+    (P,) mm of points (P, 3) of the flange at joints (P, n), rad or mm, NaN where it is not known."""
 
     robot: Robot
     language: PositionLanguage
@@ -81,6 +84,7 @@ class ArmChange:
     undo: Callable[[Matrix], Matrix]
     near: Matrix | None = None
     poses_only: bool = False
+    place_uncertainty: Callable[[Matrix, Matrix], Matrix] | None = None
 
     @cached_property
     def solver(self) -> Solver:
@@ -113,7 +117,12 @@ class ArmChange:
             branch = self.branches.of(after)
             if not self.language.matches(configuration, branch, after):
                 configuration = tuple(self.language.configuration(configuration, branch, after))
-        return MovedPosition(before, after, values, configuration, _apart(flanges, old.tool))
+        moved_mm, uncertainty = _apart(flanges, old.tool), None
+        if self.place_uncertainty is not None:
+            rows = (after / self.robot.display)[None], new.tool[:3, 3][None]
+            uncertainty = float(self.place_uncertainty(*rows)[0])
+            uncertainty = None if np.isnan(uncertainty) else uncertainty
+        return MovedPosition(before, after, values, configuration, moved_mm, uncertainty)
 
     # Joints of positions
 

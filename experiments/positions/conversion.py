@@ -40,6 +40,15 @@ class PositionRow:
         tuple[float, ...] | None, it("of the arm there, as its readings are before", unit="deg (mm)")
     ]
     moved_mm: Annotated[float | None, it("that the arm would be off without the conversion", unit="mm")]
+    uncertainty_mm: Annotated[
+        float | None,
+        it(
+            "U (k = 2) of the TCP's place with the estimated arm, of `reach`; null where an offset that moves"
+            " it is not determined by the data, assumed or excluded, and of `keep`, which keeps places"
+            " whatever the calibration is worth",
+            unit="mm",
+        ),
+    ] = None
 
 
 @record
@@ -319,6 +328,7 @@ def _row(
         None if each is None else each.values,
         None if each is None else tuple(each.before.tolist()),
         None if each is None else each.moved_mm,
+        None if each is None else each.uncertainty_mm,
     )
 
 

@@ -78,3 +78,31 @@ class ZeroOptions:
         Option("FANUC: backup before the mastering (SYSMAST.VA, SYMOTN.VA), with --new-mastering."),
     ] = None
     new_mastering: Annotated[Path | None, Option("FANUC: backup behind it.")] = None
+
+
+@dataclass(frozen=True)
+class ReachOptions:
+    """By which offsets of a run calculated poses are corrected. A run that the model does not describe is
+    refused, whatever is stated: these poses move a robot."""
+
+    allow_weak: Annotated[
+        bool, Option("Correct by weakly observable offsets too; the table has the U that is left.")
+    ] = False
+    allow_assumed: Annotated[
+        bool,
+        Option(
+            "Correct by offsets that are only as good as what is assumed of tool and instruments too; the"
+            " table names them."
+        ),
+    ] = False
+    without: Annotated[
+        Sequence[str],
+        Option("Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.", metavar="NAME"),
+    ] = ()
+    hold_out: Annotated[
+        Path | None,
+        Option(
+            "Another run of the same header, which the offsets must predict (as analyse --hold-out).",
+            metavar="RUN",
+        ),
+    ] = None

@@ -23,7 +23,7 @@ _WOBJ = re.compile(
     rf'\s*\[\s*(TRUE|FALSE)\s*,\s*(TRUE|FALSE)\s*,\s*"[^"]*"\s*,{_FRAME}\s*,{_FRAME}', re.IGNORECASE
 )
 _DATA = re.compile(
-    r"\b(?:CONST|PERS|VAR)\s+(?P<kind>robtarget|jointtarget|tooldata|wobjdata)\s+(?P<name>[A-Za-z]\w*)\s*"
+    r"\b(?P<local>LOCAL\s+)?(?:CONST|PERS|VAR)\s+(?P<kind>robtarget|jointtarget|tooldata|wobjdata)\s+(?P<name>[A-Za-z]\w*)\s*"
     r"(?P<sizes>\{[\d\s,]*\})?\s*(?::=(?P<value>[^;]*))?;",
     re.IGNORECASE,
 )
@@ -48,6 +48,12 @@ def read_rapid(reading: BackupReading) -> None:
             end = match.end()
 
 
+def _name(file: SourceFile, word: str, kinds: dict[str, str]) -> str:
+    """A name as it is unique: LOCAL data are of their module alone, and hide those of others."""
+    local = f"{file.name}:{word.strip().lower()}"
+    return local if local in kinds else word.strip().lower()
+
+
 def _declared(file: SourceFile, data: re.Match[str], reading: BackupReading, kinds: dict[str, str]) -> None:
     kind, name, value, pos = (
         data["kind"].lower(),
@@ -55,6 +61,7 @@ def _declared(file: SourceFile, data: re.Match[str], reading: BackupReading, kin
         data["value"] or "",
         data.start("name"),
     )
+    name = f"{file.name}:{name}" if data["local"] else name
     if kinds.setdefault(name, kind) != kind or (
         kind.endswith("target") and any(name == one.name for one in reading.positions)
     ):
@@ -101,7 +108,8 @@ def _statement(
     file: SourceFile, text: str, start: int, reading: BackupReading, kinds: dict[str, str]
 ) -> None:
     for assigned in _ASSIGNED.finditer(text):
-        name, kind = assigned[1].lower(), kinds.get(assigned[1].lower(), "")
+        name = _name(file, assigned[1], kinds)
+        kind = kinds.get(name, "")
         if kind.endswith("target"):
             reading.overwrites(file, start + assigned.start(1), name, assigned[1])
         elif kind or name in ("tool0", "wobj0"):
@@ -113,7 +121,7 @@ def _statement(
     for literal in _LITERAL.finditer(text):
         reading.refuse(file, start + literal.start(), "it is not said what this position is for")
     for word in _WORD.finditer(_ASSIGNED.sub(lambda assigned: " " * len(assigned[0]), text)):
-        if kinds.get(word[0].lower(), "").endswith("target"):
+        if kinds.get(_name(file, word[0], kinds), "").endswith("target"):
             reading.doubt(file, start + word.start(), "call", f"{word[0]} is used by this statement")
     return None
 
@@ -126,15 +134,15 @@ def _motion(file: SourceFile, text: str, start: int, reading: BackupReading, kin
         for at, part in split_arguments(text[word.end() :])
     ]
     parts = [(start + word.end() + at, part.strip()) for at, part in parts if part.strip()]
-    words = [part.split("\\")[0].strip().lower() for _, part in parts[1:]]
-    words = [each for each in words if _WORD.fullmatch(each)]
+    words = [part.split("\\")[0].strip() for _, part in parts[1:]]
+    words = [_name(file, each, kinds) for each in words if _WORD.fullmatch(each)]
     tools = [each for each in words if kinds.get(each) == "tooldata" or each == "tool0"] or words[-1:]
     frame = re.search(r"\\\s*WObj\s*:=\s*(\w+)", text, re.IGNORECASE)
     count, moved = 2 if re.match(r"(?:Move|Trigg|Search|Arc)C", word[0], re.IGNORECASE) else 1, []
     for at, part in parts[:count] if not word[0].lower().startswith("moveext") else ():
         goal = part if "(" in part else part.split("\\")[0].strip()
         added = _ADDED.fullmatch(goal)
-        name = re.sub(r"\s*\{.*", "", added[2] if added else goal).lower()
+        name = re.sub(r"\s*\{.*", "", added[2] if added else goal)
         if (literal := _LITERAL.fullmatch(goal)) is not None:
             at = file.bare.index("[", at)
             name = f"{file.name}:{at}"
@@ -142,6 +150,7 @@ def _motion(file: SourceFile, text: str, start: int, reading: BackupReading, kin
         elif not _WORD.fullmatch(name) or ("(" in goal and added is None):
             reading.computed(file, at, goal)
             continue
+        name = name if literal else _name(file, name, kinds)
         if added:
             numbers = [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}(?=\s*(?:,|$))", added[3])]
             plain = len(numbers) == 3 == added[3].count(",") + 1 and "\\" not in added[3]
@@ -149,5 +158,5 @@ def _motion(file: SourceFile, text: str, start: int, reading: BackupReading, kin
             reading.doubt(file, at, "relative", f"{added[1]} of {added[2]}", name, offset)
         moved.append(name)
     return reading.moves(
-        file, start, moved, tools[0] if tools else None, frame[1].lower() if frame else "wobj0"
+        file, start, moved, tools[0] if tools else None, _name(file, frame[1], kinds) if frame else "wobj0"
     )

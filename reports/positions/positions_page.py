@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from ...experiments.positions.conversion import Conversion, ListedLine, PositionRow
 from ...words import numbers
 from ...words.wording import clipped, counted, shown
@@ -12,6 +14,7 @@ from ..style.blocks import (
     Commands,
     Page,
     Paragraph,
+    Row,
     Section,
     Table,
     Verdict,
@@ -75,8 +78,8 @@ def _sections(answer: Conversion) -> Iterator[Section]:
     if answer.frames:
         yield section_of("Tools and frames", _frames(answer), brief=True)
     if answer.positions:
-        yield section_of("Files", _files(answer.positions), brief=True)
-        yield section_of("Positions", _positions(answer.positions))
+        yield section_of("Files", _files(answer), brief=True)
+        yield section_of("Positions", _positions(answer))
 
 
 def _first(answer: Conversion) -> Iterator[Block]:
@@ -88,6 +91,12 @@ def _first(answer: Conversion) -> Iterator[Block]:
             " already, and would be off by as much. Leave their files out."
             + (f" {counted(joints, 'position')} in joints: taught, they stay." if joints else "")
         )
+        corrected = [row for row in answer.positions if row.moved_mm is not None]
+        if any(row.uncertainty_mm is None for row in corrected):
+            yield Paragraph(
+                "U is not known where an offset that moves the place is not determined by the data, is only"
+                " as good as what is assumed, or is excluded."
+            )
     elif moved:
         yield Paragraph(
             "Convert the whole backup, or parts will disagree by up to"
@@ -145,29 +154,55 @@ def _frames(answer: Conversion) -> Table:
     return table_of("", ["what", "pose", "afterwards", "from"], rows, "llll")
 
 
-def _files(positions: Sequence[PositionRow]) -> Table:
+_U = "U with it (k = 2), mm"
+
+
+def _files(answer: Conversion) -> Table:
     rows = []
-    for file in dict.fromkeys(row.file for row in positions):
-        of_file = [row for row in positions if row.file == file]
-        moved = [row.moved_mm for row in of_file if row.moved_mm is not None]
-        rows.append(row_of(shown(file), str(len(of_file)), f"{max(moved):.2f}" if moved else "-"))
-    return table_of("", ["file", "positions", "off without it by up to, mm"], rows, "lrr")
-
-
-def _positions(positions: Sequence[PositionRow]) -> Table:
-    rows = [
-        row_of(
-            f"{clipped(row.name)} ({shown(row.file)}:{row.line})",
-            _numbers(row.before),
-            _numbers(row.after),
-            "-" if row.moved_mm is None else f"{row.moved_mm:.2f}",
-            shown(row.configuration or "-"),
-            f"{shown(row.tool or '-')}, {shown(row.frame or '-')}",
+    for file in dict.fromkeys(row.file for row in answer.positions):
+        of_file = [row for row in answer.positions if row.file == file]
+        moved = [row for row in of_file if row.moved_mm is not None]
+        off = f"{max(row.moved_mm or 0.0 for row in moved):.2f}" if moved else "-"
+        worst = max(
+            moved, key=lambda row: np.inf if row.uncertainty_mm is None else row.uncertainty_mm, default=None
         )
-        for row in positions
+        rows.append(_row(answer, [shown(file), str(len(of_file)), off, _u(worst)]))
+    return _table(answer, ["file", "positions", "off without it by up to, mm", _U], rows, "lrrr")
+
+
+def _positions(answer: Conversion) -> Table:
+    rows = [
+        _row(
+            answer,
+            [
+                f"{clipped(row.name)} ({shown(row.file)}:{row.line})",
+                _numbers(row.before),
+                _numbers(row.after),
+                "-" if row.moved_mm is None else f"{row.moved_mm:.2f}",
+                shown(row.configuration or "-"),
+                f"{shown(row.tool or '-')}, {shown(row.frame or '-')}",
+                _u(row),
+            ],
+        )
+        for row in answer.positions
     ]
-    heads = ["position", "before", "after", "off by, mm", "configuration", "tool, frame"]
-    return table_of("", heads, rows, "lllrll")
+    heads = ["position", "before", "after", "off by, mm", "configuration", "tool, frame", _U]
+    return _table(answer, heads, rows, "lllrllr")
+
+
+def _u(row: PositionRow | None) -> str:
+    if row is None or row.moved_mm is None:
+        return "-"
+    return "not known" if row.uncertainty_mm is None else f"{row.uncertainty_mm:.2f}"
+
+
+def _row(answer: Conversion, cells: list[str]) -> Row:
+    """The last cell is U, which is at stake for the estimated arm alone: `keep` keeps places as they are."""
+    return row_of(*cells if answer.command == "reach" else cells[:-1])
+
+
+def _table(answer: Conversion, heads: list[str], rows: Sequence[Row], aligned: str) -> Table:
+    return table_of("", heads if answer.command == "reach" else heads[:-1], rows, aligned)
 
 
 def _numbers(values: Sequence[float] | None) -> str:

@@ -47,7 +47,7 @@ def test_the_kinds_of_file_are_told_by_their_schema_key():
     assert (
         *("run-header", "run-shot", "plan", "header", "tolerances", "robot", "obstacles", "cell"),
         *("sensors", "psd-calibration", "study-file", "result", "check", "compare", "batch"),
-        *("history", "history-arm", "history-fleet", "drift", "arm", "proposal", "offsets"),
+        *("history", "history-arm", "history-fleet", "drift", "arm", "proposal", "offsets", "positions"),
     ) == SCHEMA_NAMES
     for name in (
         "run",

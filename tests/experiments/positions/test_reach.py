@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +26,17 @@ from zerobeam.experiments import converted_programs
 from zerobeam.experiments.converted_programs import reached_programs
 from zerobeam.experiments.makers import calibration
 from zerobeam.experiments.makers.calibration import NotValidated
-from zerobeam.experiments.makers.format_options import ExportOptions
 from zerobeam.experiments.positions import arm_change
 from zerobeam.experiments.positions.conversion import Conversion
-from zerobeam.experiments.positions.positions_options import BackupOptions
+from zerobeam.experiments.positions.positions_options import BackupOptions, ReachOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.reports.output.terminal import page_text
 from zerobeam.reports.positions.positions_folder import write_conversion
+from zerobeam.reports.positions.positions_page import positions_page
 
 OFFSETS = np.array([0.0, -0.4, 0.3, 0.3, -0.5, 0.6])  # deg
 TARGET = (500.0, 0.0, 200.0)
@@ -70,8 +71,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return cache(lambda language: measured(folder / language, DIALECTS[language].robot))
 
 
-def reached(folder: Path, run: Path, allowed: ExportOptions | None = None, **choices: Any) -> Conversion:
-    return reached_programs(folder, run, BackupOptions(**choices), allowed or ExportOptions())
+def reached(folder: Path, run: Path, allowed: ReachOptions | None = None, **choices: Any) -> Conversion:
+    return reached_programs(folder, run, BackupOptions(**choices), allowed or ReachOptions())
 
 
 def misses(backup: MadeBackup, texts: dict[str, str], offsets: Matrix = OFFSETS) -> Matrix:
@@ -161,9 +162,12 @@ def test_with_usual_noise_it_is_off_by_what_the_estimate_leaves(seed: int, tmp_p
     order = [judged.covariance.names.index(f"delta{i}") for i in range(2, 7)]
     covariance = np.array(judged.covariance.matrix)[np.ix_(order, order)]
     backup = with_poses("RAPID", seed)
-    off = misses(backup, texts_after(backup, reached(written(backup, tmp_path / "b"), run)))
+    answer = reached(written(backup, tmp_path / "b"), run)
+    off = misses(backup, texts_after(backup, answer))
     bounds = [place_u(one.joints, backup.tools[one.tool], covariance) for one in backup.positions]
     bounds = [u for u, one in zip(bounds, backup.positions, strict=True) if not one.in_joints]
+    stated = [row.uncertainty_mm for row in answer.positions if row.kind == "cartesian"]
+    np.testing.assert_allclose(sorted(stated), sorted(2 * np.array(bounds)), rtol=1e-4)
     assert (off[:, 0] < 4 * np.array(bounds) + 0.01).all()
     # Not because the bound is wide: unconverted it is off by several times that.
     assert misses(backup, backup.texts)[:, 0].mean() > 5 * np.mean(bounds)
@@ -215,7 +219,7 @@ class LargeRapid(type(RAPID)):  # type: ignore[misc]
 def test_links_are_made_up_for_too(tmp_path: Path) -> None:
     run = geometry_run(tmp_path)
     backup = single(GOOD, LargeRapid())
-    options = ExportOptions(allow_weak=True, allow_assumed=True)
+    options = ReachOptions(allow_weak=True, allow_assumed=True)
     answer = reached(written(backup, tmp_path / "b"), run.path, options)
     problem = Problem.from_run(run)
     names = [row.name for row in calibration.calibration(run, allow_weak=True, allow_assumed=True).geometry]
@@ -263,11 +267,19 @@ def test_an_assumed_offset_is_refused(tmp_path: Path) -> None:
     folder = written(backup, tmp_path / "b")
     with pytest.raises(BadInput, match="delta6 is not known"):
         reached(folder, run)
-    allowed = reached(folder, run, ExportOptions(allow_assumed=True))
+    allowed = reached(folder, run, ReachOptions(allow_assumed=True))
     require_off(backup, allowed)
     assert any("ASSUMED" in note for note in allowed.notes)
-    without = reached(folder, run, ExportOptions(without=["delta6"]))
+    without = reached(folder, run, ReachOptions(without=["delta6"]))
     assert any(note.startswith("delta6") and "EXCLUDED on request" in note for note in without.notes)
+    # On the last axis joint 6 moves no place; elsewhere nothing is known of it.
+    for answer in (allowed, without):
+        assert [row.uncertainty_mm is None for row in answer.positions] == [False]
+    beside = {"new_tools": ["tool0=30,0,100,1,0,0,0"]}
+    for options in (ReachOptions(allow_assumed=True), ReachOptions(without=["delta6"])):
+        answer = reached(folder, run, options, **beside)
+        assert [row.uncertainty_mm for row in answer.positions] == [None]
+        assert "U is not known where" in page_text(positions_page(answer))
     known = replace_offset(5, 0.0)
     assert (misses(backup, texts_after(backup, without), known) < (0.01, 0.001)).all()
 
@@ -278,7 +290,7 @@ def replace_offset(joint: int, value: float) -> Matrix:
     return offsets
 
 
-def test_a_misfit_is_refused(tmp_path: Path) -> None:
+def test_a_misfit_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run, backup = measured(tmp_path / "run", RAPID.robot), single(GOOD)
     folder = written(backup, tmp_path / "b")
     assert reached(folder, run).converted
@@ -286,9 +298,11 @@ def test_a_misfit_is_refused(tmp_path: Path) -> None:
     shot = json.loads(second)
     shot["joints_deg"][1] += 0.5
     run.write_text("\n".join([first, json.dumps(shot), *rest]) + "\n")
-    with pytest.raises(NotValidated):
+    with pytest.raises(NotValidated, match="the poses move a robot"):
         reached(folder, run)
-    require_off(backup, reached(folder, run, ExportOptions(unvalidated=True)))
+    unasked = partial(calibration.calibration, unvalidated=True)
+    monkeypatch.setattr(converted_programs, "calibration", unasked)
+    require_off(backup, reached(folder, run))
 
 
 def test_a_weak_offset_is_refused(tmp_path: Path) -> None:
@@ -296,7 +310,7 @@ def test_a_weak_offset_is_refused(tmp_path: Path) -> None:
     folder = written(backup, tmp_path / "b")
     with pytest.raises(BadInput, match="weakly observable"):
         reached(folder, run)
-    require_off(backup, reached(folder, run, ExportOptions(allow_weak=True)))
+    require_off(backup, reached(folder, run, ReachOptions(allow_weak=True)))
 
 
 def test_a_simulated_run_is_refused(tmp_path: Path) -> None:

@@ -260,3 +260,39 @@ def found(dialect: Dialect, one: MadePosition, texts: dict[str, str]) -> object:
 
 def frames_of(answer: Conversion, row: PositionRow) -> list[object]:
     return [(one.what, one.numbers) for one in answer.frames if getattr(row, one.what) == one.name]
+
+
+# RAPID: LOCAL data of several modules
+
+JOINTS = "[[{},0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+MODULE = """MODULE {0}
+  {1} jointtarget p1:={2};
+  LOCAL PERS tooldata grip:=[TRUE,[[0,0,{3}],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+  LOCAL CONST robtarget r1:=[[500,0,500],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  PROC go{0}()
+    MoveAbsJ p1,v100,fine,grip;
+    MoveL r1,v100,fine,grip;
+    {4}
+  ENDPROC
+ENDMODULE
+"""
+
+
+def test_local_data_of_several_modules_are_of_their_module(tmp_path: Path) -> None:
+    first = MODULE.format("A", "LOCAL CONST", JOINTS.format(10), 100, "")
+    second = MODULE.format("B", "LOCAL CONST", JOINTS.format(20), 150, "")
+    answer = shown(tmp_path / "local", A_mod=first, B_mod=second)
+    assert refusals(answer) == []
+    tools = {one.name: one.numbers for one in answer.frames if one.what == "tool"}
+    assert {row.tool: tools[row.tool][2] for row in answer.positions if row.tool} == {
+        "A.mod:grip": 100,
+        "B.mod:grip": 150,
+    }
+    written_there = MODULE.format("B", "LOCAL CONST", JOINTS.format(20), 150, "p1:=CJointT();")
+    (refused,) = shown(tmp_path / "written", A_mod=first, B_mod=written_there).refused
+    assert (refused.file, refused.line) == ("B.mod", 8)
+    plain = [text.replace("LOCAL CONST jointtarget", "CONST jointtarget") for text in (first, second)]
+    assert "declared twice" in refusals(shown(tmp_path / "plain", A_mod=plain[0], B_mod=plain[1]))[0]
+    hidden = shown(tmp_path / "hidden", A_mod=first, B_mod=plain[1])
+    assert refusals(hidden) == []
+    assert {row.file for row in hidden.positions} == {"A.mod", "B.mod"}

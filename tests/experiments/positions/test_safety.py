@@ -16,11 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from zerobeam.experiments.converted_programs import kept_programs, reached_programs
 from zerobeam.experiments.makers.calibration import calibration
-from zerobeam.experiments.makers.format_options import ExportOptions
 from zerobeam.experiments.makers.generic.robot_rows import robot_text
 from zerobeam.experiments.positions import arm_change, position
 from zerobeam.experiments.positions.audit import restored
-from zerobeam.experiments.positions.positions_options import BackupOptions, ZeroOptions
+from zerobeam.experiments.positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import write_run
@@ -325,7 +324,7 @@ def test_a_corrected_arm_is_not_what_a_controller_computes_with(tmp_path: Path) 
     with pytest.raises(BadInput, match="is a corrected arm"):
         kept_programs(backup, ZeroOptions(run=of_corrected), BackupOptions())
     with pytest.raises(BadInput, match="is a corrected arm"):
-        reached_programs(backup, of_corrected, BackupOptions(), ExportOptions())
+        reached_programs(backup, of_corrected, BackupOptions(), ReachOptions())
     assert kept_programs(backup, ZeroOptions(robot="irb120", entered=zeros), BackupOptions()).converted
 
 
