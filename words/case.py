@@ -24,6 +24,7 @@ from .provenance import is_simulated
 from .wording import Namer, person
 
 _SAFE = re.compile(r"[\w./+@-]+")
+_NEAR_MM = 50.0  # U of a target to which a plan can be aimed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -158,14 +159,26 @@ class RunCase:
             planned = len(stations) == 1 and self.header.get("tool") is None
             known = all(isinstance(row, dict) and row.get("guess_mm") for row in targets.values())
             return command if planned and known else None
-        if len(targets) != 1:
+        names = {*targets, *(row.name[:-2] for row in self.parameters if row.group == "target")}
+        if len(names) != 1:
             return None
-        ((target, row),) = targets.items()
-        guess = row.get("guess_mm") if isinstance(row, dict) else None
-        if target not in {kind.target for kind in KINDS.values()} or not isinstance(guess, list | tuple):
+        (target,) = names
+        row = targets.get(target)
+        place = self._place(target, row if isinstance(row, dict) else {})
+        if target not in {kind.target for kind in KINDS.values()} or place is None:
             return None
-        coordinates = ",".join(f"{float(value):g}" for value in guess)
+        coordinates = ",".join(f"{float(value):g}" for value in place)
         return f"{command} --target={coordinates}"
+
+    def _place(self, target: str, row: Mapping[str, object]) -> Sequence[float] | None:
+        """About where a target is, mm: as its `row` in the header states, or as the measurements have it,
+        near enough to be aimed at. None where neither says so."""
+        guess = row.get("guess_mm")
+        if isinstance(guess, list | tuple):
+            return guess
+        found = [each for each in self.parameters if each.group == "target" and each.name[:-2] == target]
+        near = self.sound and all(each.std is not None and self.k * each.std <= _NEAR_MM for each in found)
+        return [round(each.estimate or 0.0) for each in found] if found and near else None
 
 
 def run_argument(name: str) -> str:

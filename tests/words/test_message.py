@@ -320,3 +320,15 @@ def test_exact_is_the_first_suspect_of_a_weak_result_too() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_an_arm_that_is_exact_is_not_suspected(seed: int) -> None:
     assert "suspect" not in (y_pattern(seed, "exact").cause or "")
+
+
+def test_a_plan_is_aimed_at_the_target_as_it_was_found() -> None:
+    """Of a run whose header says nothing of its target, as one that was imported."""
+    for plan, aimed in ((good_plan(8), True), (pattern_plan("x"), False)):
+        run = simulated(plan, TABLE_2, 1)[1]
+        run = replace(run, header=run.header.model_copy(update={"targets": {}}))
+        planned = RunCase.of_result(zb.analyse(run, ess=100).result).planned
+        assert (planned is not None) is aimed
+        if planned is not None:
+            place = [float(value) for value in planned.rpartition("=")[2].split(",")]
+            assert np.linalg.norm(np.array(place) - [900, 0, 0]) < 3
