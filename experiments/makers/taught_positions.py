@@ -87,10 +87,8 @@ def import_taught(
     names, in a language whose positions have numbers. Postures that are still as the plan has them are left
     out; BadInput for the program of another plan.
     """
-    per_degree = Pendant(job.robot).per_degree(language.unit)
-    digit = 10.0**-digits / np.abs(per_degree)
 
-    def in_degrees(point: TaughtPoint) -> TaughtPoint:
+    def in_degrees(point: TaughtPoint, per_degree: Matrix) -> TaughtPoint:
         if point.joints is None:
             return point
         numbers = np.array(point.joints)
@@ -102,7 +100,10 @@ def import_taught(
             for number, content in enumerate(text.split("\n"), start=1):
                 with located(path, number):
                     require_same_plan(content, job)
-        taught = [in_degrees(point) for point in named(text, written_points(language, text, path))]
+        per_degree = Pendant(job.robot).per_degree(language.unit)
+        digit = 10.0**-digits / np.abs(per_degree)
+        read = named(text, written_points(language, text, path))
+        taught = [in_degrees(point, per_degree) for point in read]
         ours = [(point, match) for point in taught if (match := POSTURE.fullmatch(point.name))]
         if points is not None or not ours:
             return taught
