@@ -15,12 +15,14 @@ from ..model.errors import BadInput
 from ..model.files.robot_file import load_robot
 from ..model.files.run import Run, read_run
 from ..model.kinematics.orientation import stated_numbers
-from ..model.kinematics.pendant import Pendant, pendant_of
+from ..model.kinematics.pendant import Pendant, pendant_of, require_link_encoder
 from ..model.kinematics.robot import Robot
 from ..words.provenance import is_simulated
 from ..words.wording import listed
+from .makers.abb.moc_offsets import Gears, reading_change
 from .makers.calibration import NotValidated, RobotCalibration, calibration, require_nominal_arm
-from .makers.fanuc.backup import read_fanuc_backup
+from .makers.fanuc.backup import count_change
+from .makers.kuka.machine_data import mames_change
 from .makers.maker import require_vendor, vendor_of
 from .makers.universal_robots.kinematics import require_factory_arm
 from .positions.arm_change import ArmChange, kept, reached, up_to_flange
@@ -58,6 +60,7 @@ def kept_programs(
             allowed="one of --entered J2=…,J3=…, --run RUN, --old-mastering and --new-mastering",
         )
     run, judged = None if zeros.run is None else read_run(zeros.run), None
+    notes: tuple[str, ...] = ()
     robot = _robot(zeros.robot, run)
     if run is not None:
         judged = calibration(run)
@@ -66,12 +69,13 @@ def kept_programs(
     elif zeros.entered is not None:
         entered, source = typed_zeros(zeros.entered, robot), "--entered"
     else:
-        entered, source = _mastered(zeros, robot), "mastering before and after"
+        entered, notes = _mastered(zeros, robot)
+        source = "mastering before and after"
     require_zeros(entered)
     change, undo = kept(entered)
     about = _about("keep", robot, run, source)
     joints = tuple(EnteredJoint(f"J{i}", float(value)) for i, value in enumerate(entered, start=1) if value)
-    about = replace(about, entered=joints)
+    about = replace(about, entered=joints, notes=notes)
     return _converted(path, robot, run, choices, lambda arm: (change, undo), about, out, judged)
 
 
@@ -167,28 +171,37 @@ def _about(command: Literal["keep", "reach"], robot: Robot, run: Run | None, sou
     )
 
 
-def _mastered(zeros: ZeroOptions, robot: Robot) -> Matrix:
-    """(n,) degrees by which joints read more with the new master counts than with the old ones."""
-    if zeros.old_mastering is None or zeros.new_mastering is None:
+_MASTERED = (
+    "By $MAMES, which an axis takes when it is mastered at its mark: this is right where all axes whose value"
+    " changed, and those of the wrist behind them, were mastered so since, and no other axis was."
+)
+_CALIBRATED = (
+    "By cal_offset, sign and ratio, for gears that are not coupled. Compare with the pendant before anything"
+    " moves: at the same place each joint must read more by what was entered, and all others as before."
+)
+
+
+def _mastered(zeros: ZeroOptions, robot: Robot) -> tuple[Matrix, tuple[str, ...]]:
+    """(n,) degrees by which joints read more with the new mastering than with the old one, and what that
+    takes for granted."""
+    old, new, vendor = zeros.old_mastering, zeros.new_mastering, vendor_of(robot)
+    if old is None or new is None:
         raise BadInput("one of two masterings is missing", allowed="--old-mastering and --new-mastering")
-    if vendor_of(robot) not in (None, "fanuc"):
-        raise BadInput(
-            "master counts are read from backups of FANUC controllers",
-            found=robot.name,
-            remedy="state --entered",
-        )
-    old, new = (read_fanuc_backup(path, robot.n) for path in (zeros.old_mastering, zeros.new_mastering))
-    if (
-        old.model != new.model
-        or old.per_degree != new.per_degree
-        or not np.array_equal(old.coupling, new.coupling)
-    ):
-        raise BadInput("the two backups are not of one arm", found=f"{old.model}, {new.model}")
-    counts = (np.array(old.master) - np.array(new.master)) / np.array(old.per_degree)
-    entered = np.asarray(old.coupling @ counts)
-    if old.encoder3 == "ground":
-        entered[2] += entered[1]
-    return entered
+    if vendor in ("kuka", "abb"):
+        require_link_encoder(robot, "a mastering before and after")
+    if vendor == "kuka":
+        return mames_change(old, new, robot.n), (_MASTERED,)
+    if vendor == "abb":
+        gears = Gears.of_options(zeros.ratio, zeros.motor_sign, robot.n)
+        return reading_change(old, new, gears, robot.n), (_CALIBRATED,)
+    if vendor in (None, "fanuc"):
+        return count_change(old, new, robot.n), ()
+    raise BadInput(
+        "no published file of this maker says how the robot is mastered",
+        found=robot.name,
+        allowed="masterings of FANUC, KUKA, ABB",
+        remedy="state --entered: by how much more each joint reads at the same place",
+    )
 
 
 def _converted(

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar
 
 from ...model.errors import BadInput
 from ...model.options import Option, names_typed
+from ...model.parsing.confinement import require_within
 from ...words.controllers import POSITIONS, Takes
 
 if TYPE_CHECKING:
@@ -207,6 +208,23 @@ def require_vendor(robot: Robot, vendor: Vendor, what: str, remedy: str | None =
         allowed=f"a robot of {name}",
         remedy=remedy or "choose the format of this robot's controller; csv is for every robot",
     )
+
+
+def file_of_backup(path: Path, name: str, holds: str = "") -> Path:
+    """The file itself, or the one of this name in the folder of a backup whose text `holds` something."""
+    require_within(path)
+    if path.is_file():
+        return path
+    of_name = sorted(each for each in path.rglob("*") if each.name.lower() == name.lower() and each.is_file())
+    files = [each for each in of_name if holds.encode() in each.read_bytes()]
+    if len(files) != 1:
+        raise BadInput(
+            f"the backup has {'several' if files else 'no'} {name}",
+            found=", ".join(each.relative_to(path).as_posix() for each in files) or None,
+            allowed=f"{name}, or a folder with one",
+            file=path,
+        )
+    return files[0]
 
 
 def numbers_of(text: str, option: str, allowed: str) -> list[float]:

@@ -75,9 +75,19 @@ class ZeroOptions:
     run: Annotated[Path | None, Option("Run whose values were entered.", metavar="RUN")] = None
     old_mastering: Annotated[
         Path | None,
-        Option("FANUC: backup before the mastering (SYSMAST.VA, SYMOTN.VA), with --new-mastering."),
+        Option(
+            "Backup before the mastering, with --new-mastering: FANUC SYSMAST.VA and SYMOTN.VA, KUKA"
+            " $machine.dat ($MAMES), ABB MOC.cfg (cal_offset)."
+        ),
     ] = None
-    new_mastering: Annotated[Path | None, Option("FANUC: backup behind it.")] = None
+    new_mastering: Annotated[Path | None, Option("The same after it.")] = None
+    motor_sign: Annotated[
+        str | None,
+        Option("ABB: 1 if a reading rises with cal_offset, -1 if it falls; one, or one a joint: 1,-1,…"),
+    ] = None
+    ratio: Annotated[
+        str | None, Option("ABB: motor turns for one turn of each joint, R1,R2,…, if not in MOC.cfg.")
+    ] = None
 
 
 @dataclass(frozen=True)

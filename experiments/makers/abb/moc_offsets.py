@@ -20,11 +20,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import numpy as np
+
+from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
 from ....model.kinematics.pendant import require_link_encoder
 from ....model.parsing.reading import did_you_mean, line_numbers, read_other_text, shown
 from ..calibration import JointOffset, RobotCalibration
-from ..maker import numbers_of, one_line, require_vendor
+from ..maker import file_of_backup, numbers_of, one_line, require_vendor
 
 Sign = Literal[1, -1]
 _NUMBERS = "finite numbers separated by commas"
@@ -290,3 +293,36 @@ def _diff(old: str, new: str, name: str) -> str:
 
 def _lines(text: str) -> list[str]:
     return re.findall(r"[^\n]*\n|[^\n]+", text)
+
+
+def reading_change(old: Path, new: Path, gears: Gears, joints: int, unit: str = "rob1") -> Matrix:
+    """(n,) degrees by which joints read more with the cal_offsets of the new MOC.cfg than with the old ones,
+    each a file or the folder of a backup, by the formula above for gears that are not coupled.
+
+    BadInput where the sign or a ratio of a motor that was changed is not known. Whole turns of a motor are in
+    the revolution counters: of all changes by such turns the smallest is taken.
+    """
+    paths = [file_of_backup(path, "MOC.cfg") for path in (old, new)]
+    texts = [_COMMENT.sub(_blank, read_other_text(path)) for path in paths]
+    change = np.zeros(joints)
+    for i in range(joints):
+        motor, values = f"{unit}_{i + 1}", []
+        for path, text in zip(paths, texts, strict=True):
+            with located(path):
+                values.append(_number(text, "MOTOR_CALIB", motor, "cal_offset").number)
+        if values[0] == values[1]:
+            continue
+        if gears.signs is None:
+            raise BadInput(
+                "MOC.cfg alone does not say by how much the readings changed",
+                found=f"{motor}: cal_offset {values[0]:g} -> {values[1]:g}",
+                allowed="--motor-sign 1 or -1, and --ratio where the file has no transmission: gears that are"
+                " not coupled",
+                remedy="state --entered instead: by how much more each joint reads at the same place, by the"
+                " pendant before and after",
+            )
+        with located(paths[1]):
+            ratio = _ratio(texts[1], motor, i, gears)
+        turned = math.remainder(values[1] - values[0], TURN)
+        change[i] = math.degrees(gears.signs[i] * turned / ratio)
+    return change

@@ -80,6 +80,20 @@ def read_fanuc_backup(folder: Path, joints: int) -> FanucBackup:
     )
 
 
+def count_change(old_folder: Path, new_folder: Path, joints: int) -> Matrix:
+    """(n,) degrees by which joints read more with the new master counts than with the old ones, joint 3 from
+    link 2. BadInput where the backups are of two arms."""
+    old, new = (read_fanuc_backup(folder, joints) for folder in (old_folder, new_folder))
+    same_gears = old.per_degree == new.per_degree and np.array_equal(old.coupling, new.coupling)
+    if old.model != new.model or not same_gears:
+        raise BadInput("the two backups are not of one arm", found=f"{old.model}, {new.model}")
+    counts = (np.array(old.master) - np.array(new.master)) / np.array(old.per_degree)
+    change = np.asarray(old.coupling @ counts)
+    if old.encoder3 == "ground":
+        change[2] += change[1]
+    return change
+
+
 def _coupling(motn: _VaFile, per_rad: Matrix, rising: Sequence[bool]) -> Matrix:
     """(n, n) what the encoders of the wrist do to the joints behind them, ones on the diagonal; by the pulses
     for a radian (n,)."""
