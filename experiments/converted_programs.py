@@ -96,7 +96,7 @@ def reached_programs(
             file=run,
         )
     if vendor_of(recorded.robot) == "universal-robots":
-        require_factory_arm(recorded)
+        require_factory_arm(recorded.header.robot, recorded.path.parent)
     how = {**vars(options)}
     held_out = how.pop("hold_out")
     held_out_run = None if held_out is None else read_run(held_out)
@@ -152,11 +152,13 @@ def _robot(name: str | None, run: Run | None) -> Robot:
             allowed="--robot NAME or FILE with --entered or mastering; --run RUN alone",
         )
     if run is not None:
-        require_nominal_arm(run.header.robot, run.path.parent)
-        return run.robot
-    assert name is not None
-    robot = load_robot(name)
-    require_nominal_arm(name, Path())
+        robot, ref, folder = run.robot, run.header.robot, run.path.parent
+    else:
+        assert name is not None
+        robot, ref, folder = load_robot(name), name, Path()
+    require_nominal_arm(ref, folder)
+    if vendor_of(robot) == "universal-robots":
+        require_factory_arm(ref, folder)
     return robot
 
 

@@ -26,11 +26,15 @@ _URDF = ("export urdf", "corrected.urdf")
 # Whose programs `zerobeam positions` reads, by the endings of their files.
 POSITIONS = {
     "abb": ".mod, .prg, .sys",
+    "denso": ".pcs, .pac",
+    "doosan": ".drl",
     "epson": ".pts, .prg",
     "fanuc": ".ls, .va",
     "kawasaki": ".as, .pg",
     "kuka": ".src, .dat",
     "mitsubishi": ".prg, .mb5",
+    "staubli": ".dtx, .pgx",
+    "universal-robots": ".script",
     "yaskawa": ".jbi",
 }
 _NO_OFFSETS = ("denso", "doosan", "franka", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")

@@ -95,8 +95,15 @@ class ArmChange:
         branches = Branches(self.robot, self.language.up, self.language.by_joint2)
         return branches if branches.exist else None
 
-    def moved(self, one: TaughtPosition, old: PositionFrames, new: PositionFrames) -> MovedPosition:
-        """A position with the tool and frame that it was taught with, for those that it will be used with."""
+    def moved(
+        self,
+        one: TaughtPosition,
+        old: PositionFrames,
+        new: PositionFrames,
+        near: TaughtPosition | None = None,
+    ) -> MovedPosition:
+        """A position with the tool and frame that it was taught with, for those that it will be used with;
+        `near` is the position in joints that it is next to."""
         if one.kind == "joints":
             before = self.joints_of(one.values, one.axes)
             after = self.change(before)
@@ -106,7 +113,8 @@ class ArmChange:
                 before, after, self.values_of(after, one.axes), (), _apart(flanges, old.tool)
             )
         pose = self.language.pose(one.values)
-        before = self.joints_at(old.flange(pose), one.configuration)
+        start = self.near if near is None else self.joints_of(near.values, near.axes)
+        before = self.joints_at(old.flange(pose), one.configuration, start)
         after = self.change(before)
         self._require_reachable(before, after)
         self._require_regular(before, after)
@@ -141,9 +149,10 @@ class ArmChange:
         values = self.pendant.counted(joints) * self.pendant.per_degree(self.language.unit)
         return tuple(values[list(axes)].tolist())
 
-    def joints_at(self, flange: Matrix, configuration: Sequence[str]) -> Matrix:
-        """(n,) degrees (mm) by which the nominal arm has its flange there with the stated configuration."""
-        rows = self._solutions(flange, configuration)
+    def joints_at(self, flange: Matrix, configuration: Sequence[str], near: Matrix | None) -> Matrix:
+        """(n,) degrees (mm) by which the nominal arm has its flange there with the stated configuration, the
+        nearest to joints that are stated."""
+        rows = self._solutions(flange, configuration, near)
         if not len(rows):
             what = f" with the stated configuration ({', '.join(configuration)})" if configuration else ""
             raise NotConvertible(
@@ -152,24 +161,29 @@ class ArmChange:
         apart = [
             row for row in rows[1:] if not self.solver.same(self._internal(rows[0]), self._internal(row))
         ]
-        if self.near is None and apart:
+        if near is None and apart:
             raise NotConvertible(
                 "several sets of joints reach it, and nothing says which: state --near J1,J2,…"
             )
-        if self.near is None:
+        if near is None:
             return np.asarray(rows[0])
-        distance = np.abs(rows - self.near).max(axis=1)
+        distance = np.abs(rows - near).max(axis=1)
         nearest = rows[np.argmin(distance)]
-        others = [np.abs(row - self.near).max() for row in rows if np.abs(row - nearest).max() > _SAME_TURN]
+        others = [np.abs(row - near).max() for row in rows if np.abs(row - nearest).max() > _SAME_TURN]
         if others and min(others) < _CLEAR * distance.min():
-            raise NotConvertible("two sets of joints are about as near to --near")
+            raise NotConvertible("two sets of joints are about as near to those that are stated (--near)")
         return np.asarray(nearest)
 
-    def _solutions(self, flange: Matrix, configuration: Sequence[str]) -> Matrix:
+    def _solutions(self, flange: Matrix, configuration: Sequence[str], near: Matrix | None) -> Matrix:
+        """Those from many starts, and that from the joints nearby, which many starts may miss."""
         by_configuration = bool(configuration) and self.branches is not None
         rows = np.empty((0, self.robot.n))
         for thorough in (False, True):
-            solutions = self.solver.solutions(flange, thorough=thorough)
+            solutions = [*self.solver.solutions(flange, thorough=thorough)]
+            if near is not None:
+                beside, arrived = reach(self.robot, flange, self._internal(near)[None])
+                known = any(self.solver.same(beside[0], each) for each in solutions)
+                solutions += [beside[0]] if arrived[0] and not known else []
             every = [row * self.robot.display for each in solutions for row in self.solver.with_turns(each)]
             kept = [row for row in every if not by_configuration or self._has(configuration, row)]
             rows = np.array(kept).reshape(-1, self.robot.n)

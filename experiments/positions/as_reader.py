@@ -148,15 +148,17 @@ def _statement(
         if "APPRO" in move[1].upper():
             away = re.search(rf",[ \t]*({NUMBER})[ \t]*$", move[2])
             offset = (0.0, 0.0, -float(away[1])) if away else None
-            reading.doubt(file, pos, "relative", f"{move[1]} {goal}", names[0] if names else None, offset)
+            start = names[0] if names else None
+            reading.doubt(file, pos, "relative", f"{move[1]} {goal}", start, offset, "tool")
         return reading.moves(file, pos, names, *active)
     if (step := _STEP.match(text)) is not None:
         numbers = [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}(?=[ \t]*(?:,|$))", step[2])]
         plain = len(numbers) == step[2].count(",") + 1
         if "DEPART" in step[1].upper() and plain and len(numbers) == 1:
-            return reading.doubt(file, pos, "relative", step[1], None, (0.0, 0.0, -numbers[0]))
+            return reading.doubt(file, pos, "relative", step[1], None, (0.0, 0.0, -numbers[0]), "tool")
         if "DRAW" in step[1].upper() and plain and len(numbers) == 3:
-            return reading.doubt(file, pos, "relative", step[1], None, (*numbers,))
+            axes: What = "tool" if step[1][0] in "tT" else "frame"
+            return reading.doubt(file, pos, "relative", step[1], None, numbers, axes)
         return reading.doubt(file, pos, "relative", f"{step[1]} is a step from where the arm is")
     if re.match(r"[ \t]*HOME[2-9]?\b", text, _I):
         return reading.doubt(file, pos, "elsewhere", "HOME is stored in the controller: teach it again")

@@ -256,13 +256,14 @@ def converted_backup(
     refused = [Refusal(one.file.name, one.line, one.sentence) for one in reading.refused]
     moved: dict[int, tuple[MovedPosition, PositionFrames, PositionFrames]] = {}
     none = PositionFrames(np.eye(4), np.eye(4), np.eye(4))
+    in_joints = {one.name: one for one in reading.positions if one.kind == "joints"}
     for number, one in enumerate(reading.positions):
         if arm.poses_only and one.kind == "joints":
             continue
         try:
             pair = frames.of(one) if one.kind == "cartesian" else (none, none)
             if pair is not None:
-                moved[number] = (arm.moved(one, *pair), *pair)
+                moved[number] = (arm.moved(one, *pair, in_joints.get(one.near or "")), *pair)
         except NotConvertible as error:
             refused.append(Refusal(one.file.name, one.line, f"{one.label}: {error}"))
     stay = [one for one in reading.positions if arm.poses_only and one.kind == "joints"]
@@ -367,13 +368,18 @@ def _shift(
     if not starts:
         return None
     steps = np.diag([_STEP] * 3) if one.offset is None else np.array([one.offset])
-    shifts = [_shift_at(*moved[number], step, arm) for number in starts for step in steps]
+    shifts = [_shift_at(*moved[number], step, one.axes, arm) for number in starts for step in steps]
     known = [shift for shift in shifts if shift is not None]
     return (max(known), one.offset is None) if known else None
 
 
 def _shift_at(
-    moved: MovedPosition, old: PositionFrames, new: PositionFrames, step: Matrix, arm: ArmChange
+    moved: MovedPosition,
+    old: PositionFrames,
+    new: PositionFrames,
+    step: Matrix,
+    axes: What | None,
+    arm: ArmChange,
 ) -> float | None:
     robot, display = arm.robot, arm.robot.display
     by = np.eye(4)
@@ -381,8 +387,9 @@ def _shift_at(
     ends = []
     for joints, frames in ((moved.before, old), (moved.after, new)):
         pose = frames.pose(robot.fk(joints, "deg"))
-        flanges = np.array([frames.flange(by @ pose), frames.flange(pose @ by)])
-        rows, arrived = reach(robot, flanges, np.tile(joints / display, (2, 1)))
+        poses = {"frame": by @ pose, "tool": pose @ by}
+        flanges = np.array([frames.flange(each) for what, each in poses.items() if axes in (None, what)])
+        rows, arrived = reach(robot, flanges, np.tile(joints / display, (len(flanges), 1)))
         if not arrived.all():
             return None
         ends.append(rows * display)

@@ -148,7 +148,9 @@ def _motion(file: SourceFile, pos: int, body: str, reading: BackupReading, activ
             goals.append(label if goal[1] else f"{file.name}:{label}")
     for offset in _OFFSET.finditer(body):
         reading.added |= {f"PR[{offset[1]}]"}
-        reading.doubt(file, pos, "relative", " ".join(offset[0].split()), goals[-1] if goals else None)
+        axes: What = "tool" if offset[0].lower().startswith("tool") else "frame"
+        sentence = " ".join(offset[0].split())
+        reading.doubt(file, pos, "relative", sentence, goals[-1] if goals else None, None, axes)
     if re.search(r"\bVOFFSET\b|\bVR\[", body):
         reading.computed(file, pos, "an offset by a camera")
     reading.moves(file, pos, goals, active.at("tool", pos), active.at("frame", pos))

@@ -140,7 +140,7 @@ def _routine(
                 reading.overwrites(file, pos, _key(assigned[1], file, names), assigned[1])
             elif added is not None:
                 offset = tuple(float(added[3] + added[4]) * (axis == added[2].upper()) for axis in "XYZ")
-                reading.doubt(file, pos, "relative", f"{added[1]}: {assigned[3]}", None, offset)
+                reading.doubt(file, pos, "relative", f"{added[1]}: {assigned[3]}", None, offset, "frame")
 
 
 def _motion(
@@ -151,7 +151,8 @@ def _motion(
         return reading.refuse(file, pos, "ASYPTP moves external axes")
     if move[2]:
         offset = tuple(values.get(axis, 0.0) for axis in "XYZ") if set(values) <= set("XYZ") else None
-        return reading.doubt(file, pos, "relative", f"{move[1]}_REL", None, offset)
+        axes: What = "tool" if re.search(r"#TOOL\b", move["goals"], _I) else "frame"
+        return reading.doubt(file, pos, "relative", f"{move[1]}_REL", None, offset, axes)
     goals: list[str] = []
     for at, goal in split_arguments(_END.sub("", move["goals"])):
         word = goal.strip()

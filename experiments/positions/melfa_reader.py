@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, Active, BackupReading, SourceFile, numbers_in, split_arguments
+from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, split_arguments
 
 _I = re.IGNORECASE
 _VALUES = rf"\([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*[ \t]*\)"
@@ -25,6 +25,7 @@ _SET = re.compile(
 )
 _JUMP = re.compile(r"(?:\*\w|(?:If|Else|ElseIf|For|While|Select|Case|On|Return)\b)|.*\bGo(?:To|Sub)\b", _I)
 _WORD = re.compile(rf"(?<![\w.])(?:{_NAME}){_INDEX}", _I)
+_ADDED = re.compile(rf"((?:{_NAME}){_INDEX})[ \t]*([+*])[ \t]*((?:{_NAME}){_INDEX})", _I)
 
 
 def read_melfa(reading: BackupReading) -> None:
@@ -119,7 +120,7 @@ def _statement(
         for at, part in split_arguments(parts):
             goal, begin = part.strip(), pos + move.start(2) + at + len(part) - len(part.lstrip())
             if re.fullmatch(NUMBER, goal) and goals:
-                reading.doubt(file, pos, "relative", text[:40], goals[-1], (0.0, 0.0, float(goal)))
+                reading.doubt(file, pos, "relative", text[:40], goals[-1], (0.0, 0.0, float(goal)), "tool")
             else:
                 goals += _goals(file, begin, goal, reading, stored)
         return reading.moves(file, pos, goals, tool)
@@ -137,6 +138,19 @@ def _statement(
     return None
 
 
+def _added(
+    file: SourceFile, pos: int, sum_: re.Match[str], reading: BackupReading, stored: dict[str, str]
+) -> list[str]:
+    """A + B has the components of both, A * B is B in the axes of the tool at A."""
+    goals, key = _goals(file, pos, sum_[1], reading, stored), stored.get(_plain(sum_[3]), "")
+    reading.added.add(key)
+    values = [each for one in reading.positions if one.name == key for each in one.values]
+    offset = values[:3] if values and not any(values[3:]) else None
+    axes: What = "tool" if sum_[2] == "*" else "frame"
+    reading.doubt(file, pos, "relative", sum_[0][:40], goals[0] if goals else None, offset, axes)
+    return goals
+
+
 def _goals(
     file: SourceFile, pos: int, goal: str, reading: BackupReading, stored: dict[str, str]
 ) -> list[str]:
@@ -145,6 +159,8 @@ def _goals(
     if (literal := _LITERAL.fullmatch(goal)) is not None:
         _literal(file, pos, literal, f"{file.name}:{pos}", f"line {file.line(pos)}", reading)
         return [f"{file.name}:{pos}"]
+    if (sum_ := _ADDED.fullmatch(goal)) is not None:
+        return _added(file, pos, sum_, reading, stored)
     if _WORD.fullmatch(goal) is None:
         reading.computed(file, pos, goal)
         reading.added |= {stored[_plain(word)] for word in _WORD.findall(goal) if _plain(word) in stored}

@@ -71,7 +71,8 @@ class TaughtPosition:
     `name` is that by which statements name it, unique in the backup, `label` that of people. `tool` and
     `frame` are names where its own data state them; `configuration` has the texts of `configuration_spans`.
     A `register` holds a place or an offset: it is a position where a statement moves to it. `external`: it
-    has axes besides those of the arm that are not at 0.
+    has axes besides those of the arm that are not at 0. `near` names the position in joints that is nearest
+    to a pose.
     """
 
     file: SourceFile
@@ -87,6 +88,7 @@ class TaughtPosition:
     group: int = 1
     register: bool = False
     external: bool = False
+    near: str | None = None
 
     @cached_property
     def values(self) -> tuple[float, ...]:
@@ -121,8 +123,8 @@ class Statement:
 
 @dataclass(frozen=True)
 class DoubtfulLine:
-    """A line that a person must look at. `name` is the position that an `offset` (x, y, z, mm) is added to;
-    `offset` None: not in numbers."""
+    """A line that a person must look at. `name` is the position that an `offset` (x, y, z, mm) is added to,
+    in the axes of its frame or of the tool there; `offset` None: not in numbers."""
 
     file: SourceFile
     line: int
@@ -130,6 +132,7 @@ class DoubtfulLine:
     sentence: str
     name: str | None = None
     offset: tuple[float, ...] | None = None
+    axes: What | None = None
 
 
 @dataclass(frozen=True)
@@ -184,6 +187,25 @@ class BackupReading:
         one = replace(one, axes=tuple(axes or ()), configuration_spans=tuple(configuration))
         self.positions.append(one)
 
+    def six(
+        self,
+        file: SourceFile,
+        pos: int,
+        name: str,
+        label: str,
+        spans: Sequence[Span],
+        configuration: Sequence[Span] = (),
+        *,
+        joints: bool,
+        **others: Any,
+    ) -> None:
+        """A position of six numbers; numbers behind them are of external axes."""
+        if len(spans) < 6:
+            return self.refuse(file, pos, f"{label} has {len(spans)} numbers")
+        others |= {"axes": range(6)} if joints else {}
+        external = [float(file.text[slice(*span)]) for span in spans[6:]]
+        return self.add(file, pos, name, label, spans[:6], configuration, external=external, **others)
+
     def frame(
         self, file: SourceFile, pos: int, what: What, name: str, pose: Matrix | None, why: str = ""
     ) -> None:
@@ -213,10 +235,12 @@ class BackupReading:
         kind: Doubt,
         sentence: str,
         name: str | None = None,
-        offset: tuple[float, ...] | None = None,
+        offset: Sequence[float] | None = None,
+        axes: What | None = None,
     ) -> None:
         """A line that a person must look at."""
-        self.doubtful.append(DoubtfulLine(file, file.line(pos), kind, sentence, name, offset))
+        step = None if offset is None else tuple(offset)
+        self.doubtful.append(DoubtfulLine(file, file.line(pos), kind, sentence, name, step, axes))
 
     def moves(
         self,
@@ -368,12 +392,25 @@ def numbers_in(text: str, start: int = 0) -> list[Span]:
     ]
 
 
-def split_arguments(text: str) -> Iterator[tuple[int, str]]:
-    """The arguments between commas that are in no brackets, each with its place in the text."""
+def split_arguments(text: str, between: str = ",") -> Iterator[tuple[int, str]]:
+    """The parts between commas (or the letters `between`) in no brackets, each with its place in the text."""
     depth, begin = 0, 0
     for at, letter in enumerate(text):
         depth += (letter in "([{") - (letter in ")]}")
-        if letter == "," and depth == 0:
+        if letter in between and depth <= 0:
             yield begin, text[begin:at]
-            begin = at + 1
+            begin, depth = at + 1, 0
     yield begin, text[begin:]
+
+
+def arguments_of(text: str, start: int = 0) -> list[tuple[int, str]]:
+    """The arguments of a call whose text begins behind its bracket at `start`, without blanks around, each
+    with its place; those of a bracket that is not closed up to the end."""
+    depth, end = 1, len(text)
+    for at in range(start, len(text)):
+        depth += (text[at] in "([{") - (text[at] in ")]}")
+        if depth == 0:
+            end = at
+            break
+    parts = split_arguments(text[start:end])
+    return [(start + at + len(part) - len(part.lstrip()), part.strip()) for at, part in parts]

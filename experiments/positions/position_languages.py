@@ -22,19 +22,25 @@ from ...model.kinematics.orientation import (
     Orientation,
     from_abc,
     from_quaternion,
+    from_rotation_vector,
     from_rpy,
+    from_xyz,
     from_zyz,
     orientation,
 )
 from .arm_change import NotConvertible
 from .as_reader import read_as
+from .drl_reader import read_drl
 from .fanuc_reader import read_fanuc
 from .inform_reader import read_inform
 from .krl_reader import read_krl
 from .melfa_reader import read_melfa
+from .pacscript_reader import read_pacscript
 from .position import PositionLanguage
 from .rapid_reader import read_rapid
 from .spel_reader import read_spel
+from .urscript_reader import read_urscript
+from .val3_reader import read_val3
 
 
 def _numbers(angles: Callable[[Orientation], Sequence[float]]) -> Callable[[Matrix], Sequence[float]]:
@@ -222,4 +228,98 @@ MELFA = PositionLanguage(
     unpublished=True,
     mark=r"^[ \t]*(?:\d+[ \t]+)?(?:Mov|Mvs)[ \t]+[\w(]|^[PJ]\w*(?:\(\d+\))?=\([-+.\d]",
 )
-LANGUAGES: tuple[PositionLanguage, ...] = (RAPID, KRL, FANUC, INFORM, AS, SPEL, MELFA)
+
+
+def _is_staubli(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    """lefty in front of axis 1; elbow and wrist have the signs of joints 3 and 5."""
+    shoulder = "righty" if branch.behind else "lefty"
+    signs = ["positive" if joints[i] >= 0 else "negative" for i in (2, 4)]
+    return list(texts) == [shoulder, f"e{signs[0]}", f"w{signs[1]}"]
+
+
+def _metres(pose: Matrix) -> Sequence[float]:
+    """Of a pose: its place, m, and its rotation vector, rad."""
+    return [*(pose[:3, 3] / 1000).tolist(), *orientation(pose[:3, :3]).rotation_vector]
+
+
+VAL3 = PositionLanguage(
+    "VAL3",
+    "staubli",
+    (".dtx", ".pgx", ".pjx"),
+    read_val3,
+    remark=r"//[^\n]*",
+    pose=from_xyz,
+    pose_numbers=_numbers(lambda turn: turn.xyz),
+    form="X,Y,Z,RX,RY,RZ",
+    pose_decimals=(6,) * 6,
+    joint_decimals=6,
+    matches=_is_staubli,
+    configuration=_shared,
+    null=frozenset({"world[0]", "flange[0]"}),
+    by_joint2=True,
+    mark=r"<(?:Database|dataList)\b",
+)
+DRL = PositionLanguage(
+    "DRL",
+    "doosan",
+    (".drl",),
+    read_drl,
+    remark=r"#[^\n]*",
+    pose=from_zyz,
+    pose_numbers=_numbers(lambda turn: turn.zyz),
+    form="X,Y,Z,A,B,C",
+    pose_decimals=(6,) * 6,
+    joint_decimals=6,
+    matches=_none,
+    configuration=_shared,
+    null=frozenset({"base"}),
+    by_joint2=True,
+    case_sensitive=True,
+    mark=r"\b(?:a?move(?:[jlc]|jx|s[jx]|b)|pos[jx]|set_tcp)\s*\(",
+)
+PACSCRIPT = PositionLanguage(
+    "PacScript",
+    "denso",
+    (".pcs", ".pac"),
+    read_pacscript,
+    remark=r"'[^\n]*|(?i:\brem\b)[^\n]*",
+    pose=from_rpy,
+    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
+    form="X,Y,Z,RX,RY,RZ",
+    pose_decimals=(6,) * 6,
+    joint_decimals=6,
+    matches=_within_half_a_turn,
+    configuration=_shared,
+    unpublished=True,
+    mark=r"^[ \t]*(?:Sub|Program|Function)[ \t]+\w|^[ \t]*Move[ \t]+\w+[ \t]*,",
+)
+URSCRIPT = PositionLanguage(
+    "URScript",
+    "universal-robots",
+    (".script", ".urp"),
+    read_urscript,
+    remark=r"#[^\n]*",
+    pose=from_rotation_vector,
+    pose_numbers=_metres,
+    form="X,Y,Z,RX,RY,RZ",
+    pose_decimals=(9,) * 6,
+    joint_decimals=9,
+    matches=_none,
+    configuration=_shared,
+    null=frozenset({"base"}),
+    unit="rad",
+    mark=r"\b(?:move[jlpc]|get_inverse_kin|set_tcp)\s*\(",
+)
+LANGUAGES: tuple[PositionLanguage, ...] = (
+    RAPID,
+    KRL,
+    FANUC,
+    INFORM,
+    AS,
+    SPEL,
+    MELFA,
+    VAL3,
+    DRL,
+    PACSCRIPT,
+    URSCRIPT,
+)

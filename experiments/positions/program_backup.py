@@ -15,7 +15,8 @@ from .position import BackupReading, PositionLanguage, RefusedLine, SourceFile
 from .position_languages import LANGUAGES
 
 AUDIT = "audit.json"
-_PROGRAM = r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|mb[456])$"
+_PROGRAM = r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|dtx|pgx|pcs|drl|script|mb[456])$"
+_GZIP = b"\x1f\x8b"
 _MOST_FILES = 20_000
 
 
@@ -53,10 +54,12 @@ def read_backup(path: Path, vendor: str | None = None) -> Backup:
 
 def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Sequence[str]) -> BackupReading:
     """What the files say; of those that are not chosen only tools, frames and the arm."""
-    files, unread = [], []
+    files, unread, compressed = [], [], []
     for name, each in content.items():
         text = each.decode("latin-1")
-        if "\0" in text or each.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        if each.startswith(_GZIP):
+            compressed.append(SourceFile(name, text))
+        elif "\0" in text or each.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
             unread.append(
                 RefusedLine(
                     SourceFile(name, ""), 1, "this is a binary file, or UTF-16: save it as plain text"
@@ -66,13 +69,10 @@ def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Se
             files.append(SourceFile(name, text, language.remark))
     reading = BackupReading(files)
     language.read(reading)
-    reading.refused += [
-        line
-        for line in unread
-        if re.search(
-            r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|dtx|pcs|drl|script|mb[456])$", line.file.name, re.I
-        )
-    ]
+    for file in compressed:
+        sentence = "this program is compressed: it is not read, and its positions stay as they are"
+        reading.doubt(file, 0, "elsewhere", sentence)
+    reading.refused += [line for line in unread if re.search(_PROGRAM, line.file.name, re.IGNORECASE)]
     return reading.of(chosen).finished()
 
 

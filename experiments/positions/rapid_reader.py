@@ -6,7 +6,7 @@ import re
 
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_quaternion
-from .position import NUMBER, BackupReading, SourceFile, numbers_in, split_arguments
+from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, split_arguments
 
 _UNUSED = 9e9  # of an external axis
 _REST = r"(?<!PROC )(?<![\w\\.])"
@@ -155,7 +155,8 @@ def _motion(file: SourceFile, text: str, start: int, reading: BackupReading, kin
             numbers = [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}(?=\s*(?:,|$))", added[3])]
             plain = len(numbers) == 3 == added[3].count(",") + 1 and "\\" not in added[3]
             offset = (*numbers,) if plain else None
-            reading.doubt(file, at, "relative", f"{added[1]} of {added[2]}", name, offset)
+            axes: What = "tool" if added[1].lower() == "reltool" else "frame"
+            reading.doubt(file, at, "relative", f"{added[1]} of {added[2]}", name, offset, axes)
         moved.append(name)
     return reading.moves(
         file, start, moved, tools[0] if tools else None, _name(file, frame[1], kinds) if frame else "wobj0"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, Active, BackupReading, SourceFile, numbers_in, split_arguments
+from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, split_arguments
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _POINT = re.compile(r"^[ \t]*Point\d+[ \t]*\{([^{}]*)\}", _M)
@@ -125,11 +125,8 @@ def _statement(
             _goal(file, begin, part.strip(), reading, names, tool)
         return None
     if (step := _STEP.search(text)) is not None:
-        offset = [float(sign + value) for sign, _, value in _SHIFT.findall(step[2])]
-        axes = [axis.upper() for _, axis, _ in _SHIFT.findall(step[2])]
-        plain = axes and not _SHIFT.sub("", step[2].replace("Here", "")).strip()
-        by = tuple(sum(v for a, v in zip(axes, offset, strict=True) if a == axis) for axis in "XYZ")
-        return reading.doubt(file, pos, "relative", step[1], None, by if plain else None)
+        axes: What = "frame" if step[1][0] in "bB" else "tool"
+        return reading.doubt(file, pos, "relative", step[1], None, _step(step[2]), axes)
     if (store := _STORES.match(text)) is not None:
         name = re.sub(r"\s", "", store[1]).lower()
         name = re.sub(r"p\((\d+)\)", r"p\1", name)
@@ -143,6 +140,17 @@ def _statement(
         if word.lower() in names:
             reading.doubt(file, pos, "call", f"{word} is used by this statement")
     return None
+
+
+def _step(text: str) -> list[float] | None:
+    """mm of a step: +X(5) -Z(10), or XY(5, 0, -10, 0); None where it rotates, or is not in numbers."""
+    text = re.sub(r"\s|Here", "", text)
+    if (literal := re.match(rf"XY\(({NUMBER}(?:,{NUMBER})*)\)", text, _I)) is not None:
+        numbers = [float(each) for each in literal[1].split(",")]
+        return None if any(numbers[3:]) else numbers[:3]
+    shifts = [(axis.upper(), float(sign + value)) for sign, axis, value in _SHIFT.findall(text)]
+    by = [sum(value for each, value in shifts if each == axis) for axis in "XYZ"]
+    return by if shifts and not _SHIFT.sub("", text) else None
 
 
 def _goal(
@@ -181,5 +189,5 @@ def _goal(
         shifts = _SHIFT.findall(match["added"])
         plain = len(shifts) == len(re.findall(r"\(", match["added"]))
         by = tuple(sum(float(s + v) for s, a, v in shifts if a.upper() == axis) for axis in "XYZ")
-        reading.doubt(file, pos, "relative", goal[:40], several[0], by if plain else None)
+        reading.doubt(file, pos, "relative", goal[:40], several[0], by if plain else None, "frame")
     return reading.moves(file, pos, several, tool)

@@ -26,7 +26,7 @@ from zerobeam.experiments.converted_programs import kept_programs
 from zerobeam.experiments.positions.conversion import Conversion
 from zerobeam.experiments.positions.positions_options import BackupOptions, ZeroOptions
 from zerobeam.model.arrays import Matrix
-from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.files.robot_file import BUILT_IN, load_robot
 
 NUMBER = r"-?\d*\.?\d+(?:[eE][-+]?\d+)?"
 ENTERED = np.array([0.113, -0.265, 0.182, -0.094, 0.211, 0.307])  # deg
@@ -45,19 +45,73 @@ class MadePosition:
     in_joints: bool
 
 
+@dataclass(frozen=True)
+class MadeStep:
+    """A relative motion, the last of these `lines` of a file: by an `offset` (3,), mm, in the axes of the
+    frame or of the tool, from the position `start` or from where the arm is. None: it does not say so."""
+
+    lines: str
+    start: str | None
+    offset: Matrix | None
+    axes: str | None
+    behind: str = ""  # lines that follow
+
+
 @dataclass
 class MadeBackup:
-    """Texts by file, and what they mean. `accept`: lines that a person has to accept."""
+    """Texts by file, and what they mean."""
 
     dialect: Dialect
     tools: dict[str, Matrix]
     frames: dict[str, Matrix]
     positions: list[MadePosition]
     texts: dict[str, str] = field(default_factory=dict)
+    step: MadeStep | None = None
 
     @property
     def options(self) -> dict[str, object]:
-        return self.dialect.options(self)
+        """What has to be stated and accepted."""
+        options = self.dialect.options(self)
+        accept = [":".join(map(str, self.step_line))] if self.step else []
+        return options | {"accept": [*options.get("accept", []), *accept]}  # type: ignore[misc]
+
+    @property
+    def step_line(self) -> tuple[str, int]:
+        """File and line of the relative motion."""
+        assert self.step is not None
+        file, _ = self.dialect.steps_before
+        behind = self.texts[file].index(self.step.lines) + len(self.step.lines)
+        return file, self.texts[file].count("\n", 0, behind) + 1
+
+    def shift(self, entered: Matrix) -> float | None:
+        """mm by which the step ends elsewhere once zeros were entered: of 100 mm along each axis where it is
+        not in numbers, from the position that moves most where it does not say where it starts."""
+        assert self.step is not None
+        poses = [one for one in self.positions if not one.in_joints]
+        starts = [one for one in poses if one.name == self.step.start]
+        starts = (
+            starts or sorted(poses, key=lambda one: -self._apart(one, one.joints, one.joints + entered))[:1]
+        )
+        steps = 100 * np.eye(3) if self.step.offset is None else self.step.offset[None]
+        axes = ["frame", "tool"] if self.step.axes is None else [self.step.axes]
+        shifts = [self._shift(one, by, each, entered) for one in starts for by in steps for each in axes]
+        return max((each for each in shifts if each is not None), default=None)
+
+    def _apart(self, one: MadePosition, joints: Matrix, others: Matrix) -> float:
+        places = [(self.dialect.arm.fk(row, "deg") @ self.tools[one.tool])[:3, 3] for row in (joints, others)]
+        return float(np.linalg.norm(places[0] - places[1]))
+
+    def _shift(self, one: MadePosition, offset: Matrix, axes: str, entered: Matrix) -> float | None:
+        frame, tool, arm, by = self.frames[one.frame], self.tools[one.tool], self.dialect.arm, np.eye(4)
+        by[:3, 3] = offset
+        ends = []
+        for joints in (one.joints, one.joints + entered):
+            pose = np.linalg.inv(frame) @ arm.fk(joints, "deg") @ tool
+            end = by @ pose if axes == "frame" else pose @ by
+            ends.append(arm.climbed(frame @ end @ np.linalg.inv(tool), joints))
+        if not all(len(rows) for rows in ends):
+            return None
+        return self._apart(one, ends[0][0] + entered, ends[1][0])
 
     def readings(self, texts: dict[str, str], near: Matrix) -> list[Matrix]:
         """(6,) the joints to which the controller goes for each position, from those near by."""
@@ -99,6 +153,7 @@ class Dialect(ABC):
     turn_digit: float = 0.001  # deg, of a pose
     tool_names: Sequence[str]
     frame_names: Sequence[str]
+    steps_before: tuple[str, str]  # the file of a relative motion, and the text that it is in front of
 
     @property
     def arm(self) -> ControllerArm:
@@ -124,6 +179,12 @@ class Dialect(ABC):
     @abstractmethod
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         """Its numbers and its configuration in these texts."""
+
+    @abstractmethod
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        """A relative motion from a pose, or from where the arm is; None where it has no name."""
 
     def label(self, one: MadePosition) -> str:
         """What it is called in the table, where it is not in a motion itself."""
@@ -155,9 +216,16 @@ class Dialect(ABC):
         ]
         backup = MadeBackup(self, tools, frames, positions)
         backup.texts = self.texts(backup, rng)
+        by, (file, mark) = np.round(rng.uniform(-20, 20, 3), 1), self.steps_before
+        steps = [self.step(one, backup, by, rng) for one in backup.positions if not one.in_joints]
+        backup.step = next((step for step in steps if step is not None), None)
+        if backup.step is not None:
+            before, _, behind = backup.texts[file].rpartition(mark)
+            backup.texts[file] = f"{before}{backup.step.lines}\r\n{backup.step.behind}{mark}{behind}"
         # What is written is rounded: it means the joints of what is written.
         joints = backup.readings(backup.texts, np.zeros(6))
-        backup.positions = [replace(one, joints=row) for one, row in zip(positions, joints, strict=True)]
+        pairs = zip(backup.positions, joints, strict=True)
+        backup.positions = [replace(one, joints=row) for one, row in pairs]
         return backup
 
     def random_joints(self, rng: np.random.Generator) -> Matrix:
@@ -216,6 +284,7 @@ class Rapid(Dialect):
     """A module of an IRB 120."""
 
     name, robot, main = "RAPID", "irb120", "TASK1/Work.mod"
+    steps_before = ("TASK1/Work.mod", "  ENDPROC")
     tool_names, frame_names = ("tool0", "tGrip", "tTorch"), ("wobj0", "wFixture", "wTable")
 
     def _sides(self, row: Matrix) -> tuple[float, float, float]:
@@ -285,6 +354,17 @@ class Rapid(Dialect):
             )
         }
 
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        if f"robtarget {one.name}:=" not in backup.texts[self.main]:
+            return None
+        word, axes = [("Offs", "frame"), ("RelTool", "tool")][rng.integers(2)]
+        numbers = ",".join(f"{each:g}" for each in by)
+        frame = "" if one.frame == "wobj0" else f"\\WObj:={one.frame}"
+        line = f"    MoveL {word}({one.name},{numbers}),v100,fine,{one.tool}{frame};"
+        return MadeStep(line, one.name, by, axes)
+
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         (text,) = texts.values()
         declared = re.search(rf"target {one.name}:=(.*?);", text)
@@ -300,6 +380,7 @@ class Krl(Dialect):
     """Programs and data lists of a KR 6 R900, with $config.dat."""
 
     name, robot, main = "KRL", "kr6_r900", "KRC/R1/Program/work.dat"
+    steps_before = ("KRC/R1/Program/work.src", "END\r\n")
     tool_names, frame_names = ("0", "1", "3"), ("0", "2", "5")
 
     def label(self, one: MadePosition) -> str:
@@ -380,6 +461,13 @@ class Krl(Dialect):
             f"{folder}work.src": "\r\n".join([*body, "END", ""]),
         }
 
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        mode, axes = [("", "frame"), (" #BASE", "frame"), (" #TOOL", "tool")][rng.integers(3)]
+        fields = ",".join(f"{name} {each:g}" for name, each in zip("XYZ", by, strict=True))
+        return MadeStep(f"LIN_REL {{{fields}}}{mode}", None, by, axes)
+
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         line = re.search(rf" X{one.name}=\{{(.*?)\}}", texts["KRC/R1/Program/work.dat"])
         assert line is not None
@@ -394,6 +482,7 @@ class Fanuc(Dialect):
 
     name, robot, main = "TP", "lrmate_200id", "WORK.LS"
     joint_digit, turn_digit = 5.1e-4, 1.5e-3  # three decimals of each joint, of each of three angles
+    steps_before = ("WORK.LS", "/POS")
     tool_names, frame_names = ("0", "1", "3"), ("0", "2", "4")
 
     def label(self, one: MadePosition) -> str:
@@ -470,6 +559,12 @@ class Fanuc(Dialect):
             "WORK.LS": "\n".join([*head, *lines, "/POS", *points, "/END", ""]),
         }
 
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        word, axes = [("Offset", "frame"), ("Tool_Offset", "tool")][rng.integers(2)]
+        return MadeStep(f"  99:L P[{one.name[1:]}] 9mm/sec FINE {word},PR[90]    ;", one.name, None, axes)
+
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         point = re.search(rf'P\[\d+:"{one.name}"\]\{{(.*?)\}}', texts["WORK.LS"], re.DOTALL)
         if point is None:
@@ -487,6 +582,7 @@ class Inform(Dialect):
 
     name, main = "INFORM", "JOBS/WORK.JBI"
     joint_digit, turn_digit = yaskawa_controller.STEP_DEG, 1e-3  # half a pulse; four decimals
+    steps_before = ("JOBS/WORK.JBI", "END\r\n")
     tool_names, frame_names = ("0", "1", "7"), ("base", "2", "10")
 
     def label(self, one: MadePosition) -> str:
@@ -552,6 +648,11 @@ class Inform(Dialect):
         lines = [*head, *rows, *inst, "'MOVJ C00099", *body, 'MSG "MOVJ P001"', "END", ""]
         return {"UFRAME.CND": "\r\n".join([*frames, ""]), "JOBS/WORK.JBI": "\r\n".join(lines)}
 
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        return MadeStep("IMOV P099 V=10.0 BF", None, None, None)
+
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         before, _, behind = texts["JOBS/WORK.JBI"].partition(f"C{int(one.name[1:]) - 1:05d}=")
         numbers = _numbers(behind.split("\r\n")[0])
@@ -565,6 +666,7 @@ class As(Dialect):
 
     name, robot, main = "AS", "rs007n", "saved.as"
     joint_digit = 1e-5
+    steps_before = ("saved.as", ".TRANS\r\n")
     tool_names, frame_names = ("null", "grip", "torch"), ("null", "jig", "table")
     near = np.array([15.0, 25.0, -75.0, 30.0, 50.0, -20.0])
 
@@ -629,6 +731,22 @@ class As(Dialect):
         ]
         return {"saved.as": "\r\n".join([*lines, ".END", ".REALS", "a = 1", ".END", ""])}
 
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        sets = [f"  TOOL {one.tool}", f"  BASE {one.frame}"] if "  TOOL " in backup.texts[self.main] else []
+        away, numbers = np.array([0, 0, -abs(by[2])]), ",".join(f"{each:g}" for each in by)
+        start, line, by, axes = [
+            (one.name, f"  LAPPRO {one.name}[1,2],{-away[2]:g}", away, "tool"),
+            (None, f"  LDEPART {-away[2]:g}", away, "tool"),
+            (None, f"  DRAW {numbers}", by, "frame"),
+            (None, f"  TDRAW {numbers}", by, "tool"),
+        ][rng.integers(4)]
+        if start and not re.search(rf"^{one.name}\[1,2\] ", backup.texts[self.main], re.MULTILINE):
+            return None
+        program = "\r\n".join([".PROGRAM step()", *sets, line])
+        return MadeStep(program, start, by, axes, ".END\r\n")
+
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         (text,) = texts.values()
         entry = rf"^#?{one.name}(?:\[1,2\])? ([-\d. ]+)\r$|^.*(?:TRANS\(|#\[)([-\d., ]+)[)\]] ;{one.name}\r$"
@@ -641,6 +759,7 @@ class Spel(Dialect):
     """Points and a program of an arm of Epson with the lengths of another."""
 
     name, main = "SPEL+", "robot1.pts"
+    steps_before = ("Main.prg", "Fend")
     tool_names, frame_names = ("0", "1", "3"), ("0", "2", "5")
     near = np.array([15.0, 25.0, -75.0, 30.0, 50.0, -20.0])
 
@@ -701,6 +820,20 @@ class Spel(Dialect):
         lines = ["Global Preserve Integer n", "Function main", *body, "Fend", ""]
         return {"robot1.pts": "\r\n".join([*head, *points, ""]), "Main.prg": "\r\n".join(lines)}
 
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        added = " ".join(f"{'-' if v < 0 else '+'}{a}({abs(v):g})" for a, v in zip("XYZ", by, strict=True))
+        numbers = ", ".join(f"{each:g}" for each in by)
+        start, line, axes = [
+            (one.name, f"  Go at{one.name} {added}", "frame"),
+            (None, f"  TMove XY({numbers}, 0)", "tool"),
+            (None, f"  BGo XY({numbers}, 0, 0, 0)", "frame"),
+        ][rng.integers(3)]
+        if start and f'"at{one.name}"' not in backup.texts[self.main]:
+            return None
+        return MadeStep(f"  Tool {one.tool}\r\n{line}", start, by, axes)
+
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         if (
             line := re.search(rf"(?:JA|XY)\((.*?)\).* ' {one.name}\r$", texts["Main.prg"], re.MULTILINE)
@@ -718,6 +851,7 @@ class Melfa(Dialect):
 
     name, robot, main = "MELFA-BASIC", "rv4frl", "WORK.PRG"
     joint_digit = 1e-4
+    steps_before = ("WORK.PRG", "End")
     tool_names, frame_names = ("P_NTool", "PGrip", "PTorch"), ("0",)
     near = np.array([15.0, 25.0, 75.0, 30.0, 50.0, -20.0])
 
@@ -756,6 +890,23 @@ class Melfa(Dialect):
         lines = [f"{number} {line}" for number, line in enumerate([*body, "Dly 0.5", "End"], start=1)]
         return {"WORK.PRG": "\r\n".join([*lines, *stored, ""])}
 
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        names = [
+            name for name in (one.name, f"PA({one.name[1:]})") if f"\n{name}=" in backup.texts[self.main]
+        ]
+        if not names:
+            return None
+        numbers = ",".join(f"{each:+.2f}" for each in by)
+        away = np.array([0, 0, by[2]])
+        line, by, axes = [
+            (f"Mvs {names[0]}, {by[2]:g}", away, "tool"),
+            (f"P98=({numbers},0,0,0)(0,0)\r\nMov {names[0]}+P98", by, "frame"),
+            (f"P98=({numbers},0,0,0)(0,0)\r\nMov {names[0]} * P98", by, "tool"),
+        ][rng.integers(3)]
+        return MadeStep(f"Tool {one.tool}\r\n{line}", one.name, by, axes)
+
     def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
         n = one.name[1:]
         line = rf"^(?:P{n}|PA\({n}\)|J{n})=\((.*?)\)(.*)$|^\d+ Mvs \((.*?)\)(\(.*\)) ' P{n} Mov P9\r$"
@@ -764,7 +915,400 @@ class Melfa(Dialect):
         return _numbers(found[1] or found[3])[:6], re.findall(r"\d+", found[2] or found[4] or "")
 
 
-MADE = (Rapid(), Krl(), Fanuc(), Inform(), As(), Spel(), Melfa())
+class Val3(Dialect):
+    """An application of a TX2-60, of s6 or of s7."""
+
+    name, robot, main = "VAL3", "tx2_60", "usrapp/work/work.dtx"
+    joint_digit = 1e-5
+    steps_before = ("usrapp/work/start.pgx", "  waitEndMove()")
+    tool_names, frame_names = ("flange", "tGrip", "tTorch"), ("world", "fTable", "fJig")
+
+    def label(self, one: MadePosition) -> str:
+        return f"p{one.name}[{'1' if int(one.name[1:]) % 2 else '0'}]"
+
+    def _sides(self, row: Matrix) -> tuple[float, float, float]:
+        """By the data sheet: axis 2 is above axis 1, upper arm 290 mm, forearm 310 mm."""
+        second, third = np.radians(row[1]), np.radians(row[1] + row[2])
+        return 290 * np.sin(second) + 310 * np.sin(third), float(row[2]), float(row[4])
+
+    def clear(self, joints: Matrix) -> float:
+        return min(map(abs, self._sides(joints)))
+
+    def _words(self, joints: Matrix) -> list[str]:
+        ahead, elbow, wrist = self._sides(joints)
+        signs = [
+            f"{letter}{'positive' if side > 0 else 'negative'}"
+            for letter, side in (("e", elbow), ("w", wrist))
+        ]
+        return ["lefty" if ahead > 0 else "righty", *signs]
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return [*configuration] in (self._words(joints), [])
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        return _of_angles(numbers, "XYZ")
+
+    def _six(self, pose: Matrix) -> str:
+        keys = zip(("x", "y", "z", "rx", "ry", "rz"), _angles(pose, "XYZ"), strict=True)
+        return " ".join(f'{key}="{value:.6f}"' for key, value in keys)
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        older = bool(rng.random() < 0.5)
+        # fJig is in fTable, tTorch in tGrip.
+        jig = np.linalg.inv(backup.frames["fTable"]) @ backup.frames["fJig"]
+        torch = np.linalg.inv(backup.tools["tGrip"]) @ backup.tools["tTorch"]
+        made = [
+            ("frame", "fTable", "world", self._six(backup.frames["fTable"]), ""),
+            ("frame", "fJig", "fTable", self._six(jig), ""),
+            ("tool", "tGrip", "flange", self._six(backup.tools["tGrip"]), ""),
+            ("tool", "tTorch", "tGrip", self._six(torch), ""),
+        ]
+        body = []
+        for one in backup.positions:
+            name, index = self.label(one)[:-1].split("[")
+            if one.in_joints:
+                values = " ".join(f'j{i}="{value:.6f}"' for i, value in enumerate(one.joints, start=1))
+                made.append(("joint", self.label(one), "", values, ""))
+                body.append(f"  movej({name}[{index}],{one.tool},mNom)")
+            else:
+                words = zip(("shoulder", "elbow", "wrist"), self._words(one.joints), strict=True)
+                six, config = (
+                    self._six(self.pose(one, backup)),
+                    " ".join(f'{k}="{word}"' for k, word in words),
+                )
+                made.append(("point", self.label(one), one.frame, six, config))
+                goal = name if index == "0" else f"{name}[{index}]"
+                body.append(
+                    f"  {rng.choice(['movej', 'nMove=movel'])}({goal}, {one.tool}, mNom) // movel(pX,t,m)"
+                )
+        body += ["  waitEndMove()", '  putln("movej(p1,t,m)")']
+        code = "\r\n".join(["begin", *body, "end"])
+        head = '<?xml version="1.0" encoding="utf-8"?>'
+        if older:
+            data = [
+                f'{head}\r\n<dataList xmlns="DataNameSpace">',
+                *map(self._element, made),
+                "</dataList>",
+                "",
+            ]
+            program = (
+                f'{head}<programList xmlns="ProgramNameSpace"><program name="start"><source><code>{code}'
+            )
+            program += "</code></source></program></programList>"
+        else:
+            data = [f'{head}\r\n<Database xmlns="http://www.staubli.com/robotics/VAL3/Data/2">\r\n<Datas>']
+            data += [*map(self._value, made), "</Datas>", "</Database>", ""]
+            space = "http://www.staubli.com/robotics/VAL3/Program/2"
+            program = f'{head}<Programs xmlns="{space}"><Program name="start"><Code><![CDATA[{code}]]></Code>'
+            program += "</Program></Programs>"
+        return {self.main: "\r\n".join(data), "usrapp/work/start.pgx": program}
+
+    @staticmethod
+    def _value(row: tuple[str, ...]) -> str:
+        kind, name, father, numbers, config = row
+        word, _, index = name.partition("[")
+        size, of = int(index[:-1] or 0) + 1 if index else 1, f' fatherId="{father}[0]"' if father else ""
+        kind = {"joint": "jointRx", "point": "pointRx"}.get(kind, kind)
+        value = f'<Value key="{size - 1}" {numbers} {config}{of} />'
+        return f'  <Data name="{word}" xsi:type="array" type="{kind}" size="{size}">{value}</Data>'.replace(
+            'xsi:type="array" ', ""
+        )
+
+    @staticmethod
+    def _element(row: tuple[str, ...]) -> str:
+        kind, name, father, numbers, config = row
+        word, _, index = name.partition("[")
+        value = {"joint": "jointValue", "point": "tpValue", "tool": "ttValue", "frame": "tfValue"}[kind]
+        of = f'<{kind[0]}Father alias="" name="{father}" fatherIndex="0" />' if father else ""
+        words = f"<cpValue {config} />" if config else ""
+        inner = f'<value{kind.title()} index="{index[:-1] or 0}"><{value} {numbers} />{words}'
+        return f'  <{kind} name="{word}" public="false">{of}{inner}</value{kind.title()}></{kind}>'
+
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        numbers = ",".join(f"{each:g}" for each in by)
+        goal, axes = [
+            (f"appro({self.label(one)},{{{numbers},0,0,0}})", "tool"),
+            (f"compose({self.label(one)},{one.frame},{{{numbers},0,0,0}})", "frame"),
+        ][rng.integers(2)]
+        return MadeStep(f"  movel({goal},{one.tool},mNom)", one.name, by, axes)
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        name, text = self.label(one).split("[")[0], texts[self.main]
+        (block,) = re.findall(rf'<(?:Data|joint|point) name="{name}"(.*?)</(?:Data|joint|point)>', text)
+        keys = [f"j{i}" for i in range(1, 7)] if one.in_joints else ["x", "y", "z", "rx", "ry", "rz"]
+        numbers = [float(re.search(rf' {key}="({NUMBER})"', block)[1]) for key in keys]  # type: ignore[index]
+        words = re.findall(r'(?:shoulder|elbow|wrist)="(\w+)"', block)
+        return numbers, words
+
+
+class Drl(Dialect):
+    """A program of an M0609. It states no configuration; tools and user frames are stated."""
+
+    name, robot, main = "DRL", "m0609", "work.drl"
+    joint_digit = 1e-5
+    steps_before = ("work.drl", "wait(0.5)")
+    tool_names, frame_names = ("none", "Grip 1", "Torch"), ("base", "DR_USER1", "101")
+    near = np.array([15.0, 25.0, 75.0, 30.0, 50.0, -20.0])
+
+    def random_joints(self, rng: np.random.Generator) -> Matrix:
+        return np.asarray(self.near + np.round(rng.uniform(-12, 12, 6), 3))
+
+    def clear(self, joints: Matrix) -> float:
+        return float(joints[4])
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return configuration == ()
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        return _of_angles(numbers, "ZYZ")
+
+    def options(self, backup: MadeBackup) -> dict[str, object]:
+        stated = {
+            what: [f"{name}={','.join(map(repr, _angles(pose, 'ZYZ')))}" for name, pose in poses.items()]
+            for what, poses in (("tools", backup.tools), ("frames", backup.frames))
+        }
+        return {"near": ",".join(map(str, self.near)), **stated}
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        data, body = ["from DRCF import *  # movej(posj(1,2,3,4,5,6))"], []
+        for one in backup.positions:
+            kind, values = "posj" if one.in_joints else "posx", one.joints
+            values = values if one.in_joints else np.array(_angles(self.pose(one, backup), "ZYZ"))
+            numbers = ", ".join(f"{value:.6f}" for value in values)
+            form = str(rng.choice([f"{kind}({numbers})", f"{kind}([{numbers}])", f"[{numbers}]"]))
+            goal = one.name
+            if rng.random() < 0.3:
+                goal = form if rng.random() < 0.5 else form.replace(", ", ",\r\n    ", 2)
+            else:
+                data.append(f"{one.name} = {form}")
+                goal = f"posx({one.name})" if kind == "posx" and rng.random() < 0.2 else goal
+            body.append(f'set_tcp("{one.tool}")')
+            frame = {"base": "DR_BASE"}.get(one.frame, one.frame)
+            ref, sets = f", ref={frame}", [f"set_ref_coord({frame})"]
+            body += sets if rng.random() < 0.5 else []
+            ref = "" if len(body) and body[-1] in sets else ref
+            word = "movej" if one.in_joints else str(rng.choice(["movel", "movejx", "amovel"]))
+            body.append(
+                f"{word}({goal}, vel=100, acc=100{'' if one.in_joints else ref})  # {one.name} is next"
+            )
+        return {self.main: "\r\n".join([*data, "set_velj(10)", *body, "wait(0.5)", ""])}
+
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        six = f"{', '.join(f'{each:g}' for each in by)}, 0, 0, 0"
+        frame = {"base": "DR_BASE"}.get(one.frame, one.frame)
+        start, line, axes = [
+            (None, f"movel(posx({six}), v=50, a=50, mod=DR_MV_MOD_REL)", "frame"),
+            (None, f"movel([{six}], vel=50, ref=DR_TOOL, mod=DR_MV_MOD_REL)", "tool"),
+            (one.name, f"movel(trans({one.name}, [{six}], DR_BASE), ref={frame})", "frame"),
+        ][rng.integers(3)]
+        if start and f"{one.name} = " not in backup.texts[self.main]:
+            return None
+        return MadeStep(f'set_tcp("{one.tool}")\r\n{line}', start, by, axes)
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        literal = r"(?:pos[jx]\()?[\[\d.-][-\d.,\s]*"
+        entry = rf"^{one.name} = ({literal})|move\w+\(({literal})[^\n]*# {one.name} is"
+        found = re.search(entry, texts[self.main], re.MULTILINE)
+        assert found is not None
+        return _numbers(found[1] or found[2])[:6], ()
+
+
+class PacScript(Dialect):
+    """A program of a VS-060 with tools and works that it defines; figures stay as they are."""
+
+    name, robot, main = "PacScript", "vs060", "work.pcs"
+    joint_digit = 1e-5
+    steps_before = ("work.pcs", "  GiveArm")
+    tool_names, frame_names = ("0", "1", "3"), ("0", "2", "5")
+    near = np.array([15.0, 25.0, 60.0, 30.0, 50.0, -20.0])
+
+    def label(self, one: MadePosition) -> str:
+        n = int(one.name[1:])
+        named = [f"J[{n}]", f"j{n}"] if one.in_joints else [f"P[{n}]", f"P{n}", f"pos_{n}"]
+        return named[n % len(named)]
+
+    def random_joints(self, rng: np.random.Generator) -> Matrix:
+        return np.asarray(self.near + np.round(rng.uniform(-12, 12, 6), 3))
+
+    def clear(self, joints: Matrix) -> float:
+        return float(joints[4])
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return [*configuration] in (["5"], ["-1"], [])
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        return _of_angles(numbers, "xyz")
+
+    def options(self, backup: MadeBackup) -> dict[str, object]:
+        return {"near": ",".join(map(str, self.near))}
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        def six(pose: Matrix) -> str:
+            return ", ".join(f"{value:.6f}" for value in _angles(pose, "xyz"))
+
+        data = [f"  Tool {n}, P({six(pose)})" for n, pose in backup.tools.items() if n != "0"]
+        data += [f"  Work {n}, P({six(pose)})" for n, pose in backup.frames.items() if n != "0"]
+        body = []
+        for one in backup.positions:
+            kind, values = "J", ", ".join(f"{value:.6f}" for value in one.joints)
+            if not one.in_joints:
+                kind, values = "P", six(self.pose(one, backup)) + str(rng.choice([", 5", ", -1", ""]))
+            label = self.label(one)
+            data += [f"  Dim {label} As Position"] if label.startswith("pos") else []
+            body += [f"  ChangeTool {one.tool}", f"  ChangeWork {one.frame}"]
+            inline, word = rng.random() < 0.3, "P" if one.in_joints else rng.choice(["P", "L"])
+            goal = f"{kind}({values})" if inline else label
+            data += [] if inline else [f"  {label} = {rng.choice([kind, ''])}({values})"]
+            goal = goal.upper() if rng.random() < 0.3 else goal
+            pass_ = rng.choice(["", "@0 ", "@P ", "@E, ", "@0, "])
+            body.append(
+                f"  Move {word}, {pass_}{goal}{rng.choice(['', ', S=50', ', NEXT'])} ' {one.name} Move P, P99"
+            )
+        head = ['\'!TITLE "work"', "Sub Main", "  TakeArm Keep = 0", "  Speed 100"]
+        return {self.main: "\r\n".join([*head, *data, *body, "  GiveArm", "End Sub", ""])}
+
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        away, numbers = np.array([0, 0, -abs(by[2])]), ", ".join(f"{each:g}" for each in by)
+        label = self.label(one)
+        start, line, by, axes = [
+            (one.name, f"  Move L, @P {label} + P({numbers}, 0, 0, 0)", by, "frame"),
+            (one.name, f"  Move L, {label}+({numbers}, 0, 0, 0), S=20", by, "frame"),
+            (one.name, f"  Move P, DevH({label}, P({numbers}, 0, 0, 0))", by, "tool"),
+            (one.name, f"  Approach L, {label}, @0 {-away[2]:g}", away, "tool"),
+            (None, f"  Depart L, @P {-away[2]:g}, S=10", away, "tool"),
+            (None, f"  Draw L, V({numbers})", by, "frame"),
+        ][rng.integers(6)]
+        if start and f"  {label} = " not in backup.texts[self.main]:
+            return None
+        return MadeStep(f"  ChangeTool {one.tool}\r\n  ChangeWork {one.frame}\r\n{line}", start, by, axes)
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        label = re.escape(self.label(one))
+        found = re.search(
+            rf"^  {label} = [PJ]?\((.*?)\)|^  Move .*?[PJ]\((.*?)\)[^\n]*' {one.name} Move",
+            texts[self.main],
+            re.MULTILINE,
+        )
+        assert found is not None
+        numbers = _numbers(found[1] or found[2])
+        return numbers[:6], [str(int(each)) for each in numbers[6:]]
+
+
+class UrScript(Dialect):
+    """A script as a UR writes it beside its program: each pose has the joints near it."""
+
+    name, main = "URScript", "programs/work.script"
+    joint_digit = 1e-6
+    steps_before = ("programs/work.script", "end\r\n")
+    tool_names, frame_names = ("none", "grip", "torch"), ("base",)
+
+    @cached_property
+    def robot(self) -> str:  # type: ignore[override]
+        """A UR5e as its own controller has it: links a little other than the nominal ones."""
+        text = (BUILT_IN / "ur5e.yaml").read_text()
+        text = text.replace("name: ur5e", "name: mine").replace("d_mm: 133.3", "d_mm: 133.9")
+        text = text.replace("a_mm: -425, ", "a_mm: -425.6, ")
+        path = Path(mkdtemp()) / "mine.yaml"
+        path.write_text(f"# UR5e with the factory calibration of calibration.conf\n{text}")
+        return str(path)
+
+    def label(self, one: MadePosition) -> str:
+        return f"{one.name}_q" if one.in_joints else f"{one.name}_p"
+
+    def clear(self, joints: Matrix) -> float:
+        folded = np.abs((joints + 90) % 180 - 90)
+        return float(min(folded[2], folded[4]))
+
+    def agrees(self, configuration: Sequence[str], joints: Matrix) -> bool:
+        return configuration == ()
+
+    def matrix(self, numbers: Sequence[float]) -> Matrix:
+        pose = np.eye(4)
+        pose[:3, 3] = 1000 * np.array(numbers[:3])
+        pose[:3, :3] = Rotation.from_rotvec(numbers[3:6]).as_matrix()
+        return pose
+
+    def _p(self, pose: Matrix) -> str:
+        values = [*(pose[:3, 3] / 1000), *Rotation.from_matrix(pose[:3, :3]).as_rotvec()]
+        texts = [re.sub(r"^(-?)0\.", r"\1.", f"{value:.12f}") for value in values]
+        return f"p[{', '.join(texts)}]"
+
+    def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
+        data, body = ["def work():", "  # movej(p[1,2,3,4,5,6])"], []
+        for one in [*backup.positions]:
+            body.append(f"  set_tcp({self._p(backup.tools[one.tool])})")
+            joints = one.joints if one.in_joints else np.round(one.joints + rng.uniform(-0.3, 0.3, 6), 3)
+            q = f"[{', '.join(repr(value) for value in np.radians(joints).tolist())}]"
+            inline = rng.random() < 0.3
+            if not inline:
+                data.append(f"  global {one.name}_q={q}")
+            if one.in_joints:
+                body.append(
+                    f"  movej({q if inline else f'{one.name}_q'}, a=1.4, v=1.05) # {one.name} is next"
+                )
+                continue
+            # The joints near a pose are a position too.
+            backup.positions.append(
+                MadePosition(f"N{one.name[1:]}", joints, one.tool, "base", in_joints=True)
+            )
+            p = self._p(self.pose(one, backup))
+            if not inline:
+                data.append(f"  global {one.name}_p={p}")
+            near = (
+                f"get_inverse_kin({p}, {q})"
+                if inline
+                else f"get_inverse_kin({one.name}_p, qnear={one.name}_q)"
+            )
+            beside = not inline and rng.random() < 0.4
+            goal = f"movel({one.name}_p, a=1.2, v=0.25)" if beside else f"movej({near}, a=1.4, v=1.05)"
+            body.append(f"  {goal} # {one.name} is next")
+        return {self.main: "\r\n".join([*data, *body, "end", ""])}
+
+    def step(
+        self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator
+    ) -> MadeStep | None:
+        offset = f"p[{', '.join(f'{each / 1000:g}' for each in by)}, 0, 0, 0]"
+        start, goal, axes = [
+            (one.name, f"pose_trans({one.name}_p, {offset})", "tool"),
+            (one.name, f"pose_add({one.name}_p, {offset})", "frame"),
+            (None, f"pose_trans(get_forward_kin(), {offset})", "tool"),
+        ][rng.integers(3)]
+        if start and f"{one.name}_p=" not in backup.texts[self.main]:
+            return None
+        return MadeStep(
+            f"  set_tcp({self._p(backup.tools[one.tool])})\r\n  movel({goal}, a=1)", start, by, axes
+        )
+
+    def found(self, one: MadePosition, texts: dict[str, str]) -> tuple[list[float], Sequence[str]]:
+        name = f"P{one.name[1:]}"
+        inline = r"\[(.*?)\]" if one.in_joints and one.name[0] == "P" else r"p\[(.*?)\], \[(.*?)\]"
+        line = re.search(rf"move\w\(.*?{inline}.*# {name} is", texts[self.main])
+        declared = re.search(rf"{name}_{'q=' if one.in_joints else 'p=p'}\[(.*?)\]", texts[self.main])
+        match = declared or line
+        assert match is not None
+        text = match[2] if declared is None and one.name[0] == "N" else match[1]
+        return _numbers(text) if not one.in_joints else np.degrees(_numbers(text)).tolist(), ()
+
+
+MADE = (
+    Rapid(),
+    Krl(),
+    Fanuc(),
+    Inform(),
+    As(),
+    Spel(),
+    Melfa(),
+    Val3(),
+    Drl(),
+    PacScript(),
+    UrScript(),
+)
 DIALECTS: dict[str, Dialect] = {each.name: each for each in MADE}
 
 

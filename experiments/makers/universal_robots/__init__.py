@@ -43,7 +43,7 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
 
     require_vendor(run.robot, "universal-robots", "this sheet")
     require_link_encoder(run.robot, "this sheet")
-    require_factory_arm(run)
+    require_factory_arm(run.header.robot, run.path.parent)
     table = ["joint  offset deg   drive to (pendant, deg), set zero there"]
     for i, offset in enumerate(calibration.offsets, start=1):
         if offset.exported:

@@ -81,20 +81,20 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
     return CalibratedArm(file, robot, (rms, most))
 
 
-def require_factory_arm(run: Run) -> None:
-    """BadInput unless the robot of the run is a file of `import ur-calibration`: a UR's controller computes
-    with its factory calibration, which offsets from the nominal arm would apply a second time."""
-    ref = run.header.robot
-    path = robot_path(ref, run.path.parent)
+def require_factory_arm(ref: str | UrdfRef, folder: Path) -> None:
+    """BadInput unless a robot, as named from the folder, is a file of `import ur-calibration`: a UR's
+    controller computes with its factory calibration, which offsets from the nominal arm would apply a second
+    time."""
+    path = robot_path(ref, folder)
     if path is not None and path.is_file() and _FACTORY.encode() in read_bytes(path):
         return
     raise BadInput(
-        "a UR's controller computes with the factory calibration of its arm, and this run was analysed with"
-        " another arm: what the factory has corrected would be corrected twice",
+        "a UR's controller computes with the factory calibration of its arm, and this is another arm: what"
+        " the factory has corrected would be left out, or corrected twice",
         found=f"robot: {ref.urdf if isinstance(ref, UrdfRef) else ref}",
-        allowed="a run with the robot file that zerobeam import ur-calibration makes",
+        allowed="the robot file that zerobeam import ur-calibration makes, for a run too",
         remedy="zerobeam import ur-calibration calibration.conf --robot ur5e -o arm.yaml (calibration.conf of"
-        " the controller; ur5e: the arm's model); name arm.yaml as robot in the head of a copy of this run",
+        " the controller; ur5e: the arm's model); name arm.yaml as robot, or in a copy of the run",
     )
 
 

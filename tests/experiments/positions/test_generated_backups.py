@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_backups import DIALECTS, ENTERED, kept, texts_after, written
+from made_backups import DIALECTS, ENTERED, MadeBackup, kept, texts_after, written
 
 from zerobeam.experiments.positions.audit import restored
 from zerobeam.experiments.positions.conversion import Conversion
+from zerobeam.model.arrays import Matrix
 from zerobeam.reports.positions.positions_folder import write_conversion
 
 _EVERY = 300  # of which ten a language are not long
@@ -28,6 +29,8 @@ def test_positions_keep_their_places(language: str, seed: int, tmp_path: Path) -
     assert answer.to_state == ()
     assert answer.open_lines == []
     assert len(answer.positions) == len(backup.positions)
+    if backup.step is not None:
+        require_shift(answer, backup, entered)
     after = texts_after(backup, answer)
     assert backup.kept(after, entered)
     assert not backup.kept(backup.texts, entered)
@@ -35,6 +38,16 @@ def test_positions_keep_their_places(language: str, seed: int, tmp_path: Path) -
     for one in answer.files:
         old, new = backup.texts[one.file], after[one.file]
         assert rest(old, one.file, answer) == rest(new, one.file, answer, new=True)
+
+
+def require_shift(answer: Conversion, backup: MadeBackup, entered: Matrix) -> None:
+    """A relative motion is listed with the shift by which it ends elsewhere."""
+    assert backup.step is not None
+    (line,) = (one for one in answer.listed if (one.file, one.line) == backup.step_line)
+    shift = backup.shift(entered)
+    assert line.kind == "relative"
+    assert line.per_100_mm == (backup.step.offset is None)
+    assert line.shift_mm == (None if shift is None else pytest.approx(shift, abs=2e-3))
 
 
 def rest(text: str, file: str, answer: Conversion, *, new: bool = False) -> str:

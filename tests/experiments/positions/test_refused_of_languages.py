@@ -87,7 +87,7 @@ CASES: dict[str, dict[str, Case]] = {
         "system": Case("Dly 0.5", "P_Tool=P9", "P_Tool=: tools, frames"),
         "which one": Case("Dly 0.5", "PA(M1)=P_Curr", "PA(M1): which position is overwritten"),
         "relative": Case("Dly 0.5", "Mov J9, -50", "Mov J9, -50"),
-        "compound": Case("Dly 0.5", "Mov P8*P9", "P8*P9 is computed"),
+        "compound": Case("Dly 0.5", "Mov P8*P9", "P8*P9"),
         "computed": Case("Dly 0.5", "Mov PB(M1)", "PB(M1) is computed"),
         "elsewhere": Case("Dly 0.5", "If M1=1 Then Mov P_99", "P_99 is computed"),
         "offset": Case("Dly 0.5", "P9=(1,2,3,4,5,6)(7,0)", "no statement of the backup moves to P9"),

@@ -144,7 +144,7 @@ def test_what_the_factory_has_corrected_is_not_corrected_twice(tmp_path: Path) -
     zerobeam("import", "ur-calibration", conf(tmp_path), "--robot", "ur3e", "-o", out)
     run = read_run(measured(tmp_path, "ur3e"))
     with pytest.raises(BadInput, match="corrected twice") as refused:
-        require_factory_arm(run)
+        require_factory_arm(run.header.robot, tmp_path)
     assert refused.value.found == "robot: ur3e"
     assert "import ur-calibration" in (refused.value.remedy or "")
-    require_factory_arm(read_run(measured(tmp_path, "mine.yaml")))
+    require_factory_arm("mine.yaml", tmp_path)

@@ -1,0 +1,106 @@
+"""Positions of DRL programs (Doosan): posj, posx and lists of six numbers."""
+
+from __future__ import annotations
+
+import re
+
+from .position import NUMBER, BackupReading, What, arguments_of
+from .script import Arguments, Script
+
+_LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*\s*,?\s*"
+_TCP = re.compile(r"\bset_tcp\s*\(\s*([\"'])?")
+_REF = re.compile(r"\bset_ref_coord\s*\(\s*([^()]*)\)")
+_STEP = re.compile(r"\ba?move_(?:spiral|periodic)\b")
+_KEY = re.compile(r"(\w+)\s*=(?!=)\s*")
+
+
+def read_drl(reading: BackupReading) -> None:
+    """Each program has variables of its own."""
+    for file in reading.files:
+        program = DrlProgram(file, reading)
+        program.prepare()
+        program.run()
+
+
+class DrlProgram(Script):
+    """A program of DRL."""
+
+    literal = re.compile(rf"(?:(?P<kind>pos[jx])\s*)?[\[(]\s*[\[(]?\s*(?P<numbers>{_LIST})[\])]?\s*[\])]")
+    assign = re.compile(
+        r"(?P<name>[A-Za-z_]\w*)(?P<index>(?:\s*\[[^\]]*\])*)\s*[-+*/]?=(?!=)\s*(?P<value>.*)", re.DOTALL
+    )
+    move = re.compile(r"\ba?move(?P<kind>jx|j|l|c|sj|sx|b)\s*\(")
+    jump = re.compile(r"(?:def|if|elif|else|for|while|try|except|with|class)\b")
+    refused = re.compile(r"\b(?:set_user_cart_coord|overwrite_user_cart_coord|add_tcp)\b")
+
+    def is_joints(self, literal: re.Match[str]) -> bool | None:
+        return literal["kind"] == "posj" if literal["kind"] else None
+
+    def setting(self, pos: int, text: str) -> None:
+        if (put := _TCP.search(text)) is not None:
+            name = re.match(r"([^\"'\n]*)[\"']", self.file.text[pos + put.end() :]) if put[1] else None
+            self.active.set("tool", pos, name and name[1])
+        if (put := _REF.search(text)) is not None:
+            self.active.set("frame", pos, _frame(put[1]))
+
+    def takes_joints(self, move: re.Match[str]) -> bool:
+        return move["kind"] in ("j", "sj")
+
+    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+        goals = []
+        for at, text in arguments:
+            key = _KEY.match(text)
+            if key is None and not text.startswith("DR_"):
+                goals.append((at, text))
+            elif key is not None and key[1].startswith("pos"):
+                goals.append((at + key.end(), text[key.end() :]))
+        return goals[: 2 if move["kind"] == "c" else 1]
+
+    def other(self, pos: int, text: str) -> None:
+        if (step := _STEP.search(text)) is not None:
+            self.reading.doubt(self.file, pos, "relative", f"{step[0]} is a step from where the arm is")
+        if "move_home" in text:
+            self.reading.doubt(self.file, pos, "elsewhere", "move_home: home is stored in the controller")
+        super().other(pos, text)
+
+    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+        goals = self.goals_of(move, arguments)
+        words = {key[1]: text[key.end() :].strip() for _, text in arguments if (key := _KEY.match(text))}
+        bare = [text for _, text in arguments if text.startswith("DR_")]
+        mod = words.get("mod", next((text for text in bare if "_MOD_" in text), ""))
+        ref = words.get("ref", next((text for text in bare if "_MOD_" not in text), ""))
+        frame = _frame(ref) if ref else self.active.at("frame", pos) or "base"
+        if mod in ("DR_MV_MOD_REL", "1"):
+            by = goals[0][1] if goals else ""
+            if self.joints:  # it ends by as much further as it begins
+                self.reading.added |= set(self.names.keys.get(self.names.plain(by), []))
+            else:
+                self.step(pos, by, by, (), "tool" if frame == "DR_TOOL" else "frame")
+            return None
+        if frame in (None, "DR_TOOL") and not self.joints:
+            return self.reading.refuse(
+                self.file, pos, "the frame of this motion is set when the program runs"
+            )
+        names = [name for at, text in goals for name in self.goal(at, text)]
+        return self.reading.moves(self.file, pos, names, self.active.at("tool", pos), frame)
+
+    def goal(self, pos: int, text: str) -> list[str]:
+        if (same := re.fullmatch(r"pos[jx]\s*\(\s*\*?\s*([A-Za-z_]\w*)\s*\)", text)) is not None:
+            return super().goal(pos + same.start(1), same[1])  # posx(NAME) is NAME
+        if (call := re.match(r"(trans|posb)\s*\(", text)) is not None:
+            parts = [(pos + at, part) for at, part in arguments_of(text, call.end())]
+            if call[1] == "posb":
+                return [name for at, part in parts[1:] if "=" not in part for name in self.goal(at, part)]
+            names, by = self.goal(*parts[0]), parts[1][1] if len(parts) > 1 else ""
+            axes: What = "tool" if any(part == "DR_TOOL" for _, part in parts) else "frame"
+            self.step(pos, text, by, names, axes)
+            return names
+        if text.startswith("[") and self.literal.fullmatch(text) is None:
+            return [name for at, part in arguments_of(text, 1) for name in self.goal(pos + at, part)]
+        return super().goal(pos, text)
+
+
+def _frame(text: str) -> str | None:
+    """The name of a reference: base, DR_WORLD, DR_USER1, a number; None of a variable."""
+    text = text.strip()
+    return "base" if text in ("DR_BASE", "0") else text if re.fullmatch(r"DR_\w+|\d+", text) else None

@@ -1,0 +1,156 @@
+"""Positions of PacScript and PAC programs (Denso): P(…), J(…), and variables that they set."""
+
+from __future__ import annotations
+
+import re
+
+from ...model.kinematics.orientation import from_rpy
+from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, split_arguments
+from .position_names import PositionNames
+from .script import Arguments, Script
+
+_I = re.IGNORECASE
+_LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
+_PART = re.compile(r"^[ \t]*(?:Sub|Function|Program)\b", _I | re.MULTILINE)
+_KINDS = re.compile(r"(?:Dim[ \t]+(.+?)[ \t]+As[ \t]+|Def)(Pos|Joint|Jnt)\w*\b(.*)", _I)
+_DEFINED = rf"(Tool|Work)[ \t]+(\d+)[ \t]*,[ \t]*P?[ \t]*\(\s*({_LIST})\s*\)[ \t]*"
+_CHANGED = re.compile(r"Change(Tool|Work)[ \t]+(\d+)?", _I)
+_WHAT: dict[str, What] = {"tool": "tool", "work": "frame"}
+_ADDED = re.compile(rf"(?P<goal>.+?)\s*(?P<sign>[-+])\s*(?P<by>P?\s*\(\s*{_LIST}\s*\))", _I)
+_DEV = re.compile(r"Dev(?P<tool>H?)\s*\((?P<parts>.*)\)", _I | re.DOTALL)
+_OPTION = re.compile(r"(?:S|Speed|Accel|Decel|Time)\s*=.*|Next|I\d+|If\b.*", _I)
+
+
+def read_pacscript(reading: BackupReading) -> None:
+    """P[n] and J[n] belong to all programs, other names to those of one file."""
+    programs, shared = [], dict[str, list[str]]()
+    for file in reading.files:
+        names = PacNames(reading, PacProgram.word, shared, file.name)
+        starts = [match.start() for match in _PART.finditer(file.bare)][1:]
+        for start, end in zip([0, *starts], [*starts, len(file.bare)], strict=True):
+            programs.append(PacProgram(file, reading, names))
+            programs[-1].prepare(start, end)
+    for program in programs:
+        program.run()
+
+
+class PacNames(PositionNames):
+    """P10 and P[10] are one, in all programs."""
+
+    def plain(self, name: str) -> str:
+        name = re.sub(r"([pj])0*(\d+)", r"\1[\2]", re.sub(r"\s", "", name).lower())
+        return name if re.match(r"[pj]\[", name) else f"{self.scope}:{name}"
+
+    def of(self, file: SourceFile, name: str) -> list[str]:
+        return self.keys.get(self.plain(name), [self.plain(name)])
+
+
+class PacProgram(Script):
+    """A Sub or PROGRAM, with the names of its file."""
+
+    literal = re.compile(rf"(?P<kind>[PJT])?\s*\(\s*(?P<numbers>{_LIST})\s*\)", _I)
+    assign = re.compile(
+        r"(?:Let\w*[ \t]+)?(?P<name>[PJ]\s*\[[^\]]*\]|[A-Z_]\w*)(?P<index>(?:\([^()]*\))?)\s*="
+        r"\s*(?P<value>.*)",
+        _I | re.DOTALL,
+    )
+    move = re.compile(r"(?:^|[ \t:])(?P<kind>Move|Approach|Depart|Draw|DriveA|ArchMove|Rotate)H?\b[ \t]*", _I)
+    jump = re.compile(r"(?:If|Else\w*|For|Do|Loop|While|Select|Case|GoTo|\*\w+)\b", _I)
+    refused = re.compile(rf"^(?!{_DEFINED}$)(?:Tool|Work)[ \t]+\w.*|^(?:SetBase|Base)[ \t]+\S.*", _I)
+    word = re.compile(r"(?<![\w.\"'$])(?:[PJ]\s*\[[^\]]*\]|[A-Z_]\w*)(?!\w)", _I)
+    changed = False
+
+    def is_joints(self, literal: re.Match[str]) -> bool | None:
+        return literal["kind"].upper() == "J" if literal["kind"] else None
+
+    def setting(self, pos: int, text: str) -> None:
+        if (kinds := _KINDS.match(text)) is not None:
+            for name in re.findall(r"[A-Z_]\w*", kinds[1] or kinds[3], _I):
+                self.kinds[self.names.plain(name)] = {kinds[2].upper() != "POS"}
+        if (assign := self.assign.fullmatch(text)) is not None:
+            name = self.names.plain(assign["name"])
+            self.kinds |= {name: {name[0] == "j"}} if re.match(r"[pj]\[", name) else {}
+        if (made := re.fullmatch(_DEFINED, text, _I)) is not None:
+            numbers = [float(each) for each in made[3].split(",")]
+            pose = from_rpy(numbers[:6]) if len(numbers) >= 6 else None
+            self.reading.frame(self.file, pos, _WHAT[made[1].lower()], made[2], pose, "it is not in numbers")
+        if (change := _CHANGED.match(text)) is not None:
+            self.active.set(_WHAT[change[1].lower()], pos, change[2] and str(int(change[2])))
+            self.changed = True
+        if re.match(r"TakeArm\b", text, _I) and self.changed:  # what it changes is not published
+            for what in _WHAT.values():
+                self.active.set(what, pos, None)
+
+    def other(self, pos: int, text: str) -> None:
+        if not _KINDS.match(text):
+            super().other(pos, text)
+
+    def add(
+        self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
+    ) -> None:
+        spans = numbers_in(literal["numbers"], pos + literal.start("numbers"))
+        if (literal["kind"] or "").upper() == "T" or (not joints and len(spans) > 7):
+            return self.reading.refuse(self.file, pos, f"{label}: this position is not understood")
+        figure = () if joints else spans[6:7]
+        spans = spans if joints else spans[:6]
+        return self.reading.six(self.file, pos, key, label, spans, figure, joints=joints, register=register)
+
+    def arguments(self, text: str, move: re.Match[str]) -> Arguments:
+        """Without path options (@P) and those of motion."""
+        rest: Arguments = []
+        for at, part in split_arguments(text[move.end() :]):
+            start = at + len(part) - len(part.lstrip())
+            skip = re.match(r"@[ \t]*\w+[ \t]*", part.strip())
+            left = part.strip()[skip.end() if skip else 0 :]
+            if left and not _OPTION.fullmatch(left):
+                rest.append((move.end() + start + (skip.end() if skip else 0), left))
+        return rest
+
+    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+        kind = move["kind"].lower()
+        if kind in ("archmove", "drivea"):
+            return arguments[:1]
+        spline = [text.lower() for _, text in arguments[:1]] == ["s"]
+        return [] if spline else arguments[1 : {"move": None, "approach": 2}.get(kind, 1)]
+
+    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+        kind, text = move["kind"].lower(), " ".join(part for _, part in arguments)
+        names = [name for at, goal in self.goals_of(move, arguments) for name in self.goal(at, goal)]
+        if kind in ("approach", "depart"):
+            by = arguments[-1][1] if arguments else ""
+            away = [0.0, 0.0, -float(by)] if re.fullmatch(NUMBER, by) else None
+            self.reading.doubt(
+                self.file,
+                pos,
+                "relative",
+                f"{move['kind']} {text}",
+                names[0] if names else None,
+                away,
+                "tool",
+            )
+        elif kind == "draw":
+            self.step(
+                pos, f"Draw {text}", re.sub(r"^V", "", arguments[-1][1] if arguments else ""), (), "frame"
+            )
+        elif kind == "rotate" or not (names or kind == "move"):
+            self.reading.doubt(self.file, pos, "relative", f"{move['kind']} is a step from where the arm is")
+        elif not names:
+            self.reading.computed(self.file, pos, f"Move {text}")
+        return self.reading.moves(
+            self.file, pos, names, self.active.at("tool", pos), self.active.at("frame", pos)
+        )
+
+    def goal(self, pos: int, text: str) -> list[str]:
+        if (dev := _DEV.fullmatch(text)) is not None:
+            parts = [part.strip() for _, part in split_arguments(dev["parts"])]
+            names = self.goal(pos + text.index(parts[0]), parts[0])
+            self.step(pos, text, parts[-1], names, "tool" if dev["tool"] else "frame")
+            return names
+        if (added := _ADDED.fullmatch(text)) is not None:
+            names = self.goal(pos, added["goal"])
+            self.step(pos, text, added["by"], names, "frame", -1 if added["sign"] == "-" else 1)
+            return names
+        if re.match(r"\(\s*\d", text) and self.literal.fullmatch(text) is None:
+            self.reading.refuse(self.file, pos, f"{text[:40]}: axes one by one are not understood")
+            return []
+        return super().goal(pos, text)

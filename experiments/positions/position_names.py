@@ -1,0 +1,55 @@
+"""Positions by what statements call them, and the goals of motions."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from .position import BackupReading, SourceFile
+
+
+@dataclass
+class PositionNames:
+    """`word` is a name with its index. `keys` are names in the backup by those of statements, `scope` is
+    whose they are, if not of a file alone."""
+
+    reading: BackupReading
+    word: re.Pattern[str]
+    keys: dict[str, list[str]] = field(default_factory=dict)
+    scope: str | None = None
+
+    def plain(self, name: str) -> str:
+        """A name without blanks, in small letters."""
+        return re.sub(r"\s", "", name).lower()
+
+    def store(self, name: str, *keys: str) -> None:
+        """A name of positions that are in the backup."""
+        self.keys.setdefault(self.plain(name), []).extend(keys)
+
+    def of(self, file: SourceFile, name: str) -> list[str]:
+        """Those of a name, which may be stored elsewhere."""
+        return self.keys.get(
+            self.plain(name), [f"{file.name if self.scope is None else self.scope}:{self.plain(name)}"]
+        )
+
+    def goals(self, file: SourceFile, pos: int, text: str) -> list[str]:
+        """Those of a goal; of an array whose index is a variable all its elements."""
+        name = self.plain(text)
+        if self.word.fullmatch(text) is None:
+            self.reading.computed(file, pos, text)
+            self.reading.added |= {key for word in self.word.findall(text) for key in self._stored(word)}
+            return []
+        if (index := re.search(r"[\[(].*", name)) and name not in self.keys and re.search("[a-z_]", index[0]):
+            self.reading.computed(file, pos, text)
+            stem = name[: index.start() + 1]
+            return sorted(key for each, keys in self.keys.items() if each.startswith(stem) for key in keys)
+        return self.of(file, text)
+
+    def used(self, file: SourceFile, pos: int, text: str) -> None:
+        """A statement that is no motion has these names."""
+        for word in self.word.findall(text):
+            if self._stored(word):
+                self.reading.doubt(file, pos, "call", f"{word} is used by this statement")
+
+    def _stored(self, word: str) -> list[str]:
+        return self.keys.get(self.plain(word), [])

@@ -1,0 +1,94 @@
+"""Positions of VAL3 applications (Staubli), s6 and s7: their data, and what programs (.pgx) do with it."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+from .position import NUMBER, BackupReading, SourceFile, What, arguments_of
+from .script import Arguments, Script
+from .val3_data import Val3Names, read_data, scoped
+
+_CODE = re.compile(r"<(Code|code)\b[^>]*>(.*?)</\1>", re.DOTALL)
+_LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
+
+
+def read_val3(reading: BackupReading) -> None:
+    """Each folder is an application."""
+    scopes: dict[str, Val3Names] = {}
+    data: dict[str, dict[str, str]] = {}
+    for file in reading.files:
+        folder = file.name.rpartition("/")[0]
+        names = scopes.setdefault(folder, Val3Names(reading, Val3Program.word, scope=folder))
+        try:
+            ElementTree.fromstring(file.text.encode("latin-1"))
+        except ElementTree.ParseError as error:
+            reading.refuse(file, 0, f"this is no whole file of an application: {error}")
+        if file.suffix == ".dtx":
+            data.setdefault(folder, {}).update(read_data(file, reading, names))
+        elif file.suffix == ".pjx" and (unit := re.search(r"millimeterUnit=[\"']false", file.text)):
+            reading.refuse(file, unit.start(), "lengths are inches, and millimetres alone are read")
+    for file in reading.files:
+        folder = file.name.rpartition("/")[0]
+        if file.suffix == ".pgx":
+            for code in _CODE.finditer(file.text):
+                program = Val3Program(file, reading, scopes[folder], data.get(folder, {}))
+                program.prepare(*code.span(2))
+                program.run()
+            for local in re.finditer(r"<(?:Local|Parameter|local|param)\b[^>]*?\bname=[\"'](\w+)", file.text):
+                if f"{local[1].lower()}[0]" in data.get(folder, {}):
+                    reading.refuse(file, local.start(), f"{local[1]} hides the data of this name")
+
+
+class Val3Program(Script):
+    """A program of an application; `data` are the kinds of its data by name."""
+
+    literal = re.compile(rf"\{{\s*(?P<numbers>{_LIST})\s*\}}")
+    assign = re.compile(
+        r"(?P<name>[A-Za-z_]\w*(?:\s*\[[^\]]*\])?)(?P<index>(?:\.\w+)*)\s*=(?!=)\s*(?P<value>.*)", re.DOTALL
+    )
+    move = re.compile(r"\bmove(?P<kind>jc|j|l|c)\s*\(")
+    jump = re.compile(r"(?:if|else\w*|for|while|do|until|switch|case)\b", re.IGNORECASE)
+    refused = re.compile(r"\b(?:setFrame|link|alter|setLatch)\s*\(")
+    word = re.compile(r"(?<![\w.\"'$:])[A-Za-z_]\w*(?:\s*\[[^\]]*\])?(?!\w)")
+
+    def __init__(
+        self, file: SourceFile, reading: BackupReading, names: Val3Names, data: dict[str, str]
+    ) -> None:
+        super().__init__(file, reading, names)
+        self.application, self.data = names, data
+
+    def is_joints(self, literal: re.Match[str]) -> bool | None:
+        return None
+
+    def assigned(self, pos: int, assign: re.Match[str]) -> None:
+        """Data have their values before; what a program assigns overwrites them."""
+
+    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+        return arguments[: 2 if move["kind"] == "c" else 1]
+
+    def statement(self, pos: int, text: str) -> None:
+        assign = self.assign.fullmatch(text)
+        if assign is not None and self.data.get(self.names.plain(assign["name"])) in ("tool", "frame"):
+            return self.reading.refuse(self.file, pos, f"{assign['name']} is set when the program runs")
+        if assign is not None and self.names.plain(assign["name"]) in self.names.keys:
+            key = self.names.of(self.file, assign["name"])[0]
+            return self.reading.overwrites(self.file, pos, key, assign["name"])
+        return super().statement(pos, text)
+
+    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+        names = [name for at, text in self.goals_of(move, arguments) for name in self.goal(at, text)]
+        tools = [self.names.plain(text) for _, text in arguments[-2:-1]]
+        tool = next((each for each in tools if re.fullmatch(r"[\w:]+\[\d+\]", each)), "?")
+        self.reading.moves(self.file, pos, names, scoped(tool, self.application) if tool != "?" else tool)
+
+    def goal(self, pos: int, text: str) -> list[str]:
+        if (call := re.match(r"(appro|compose)\s*\(", text)) is None:
+            return super().goal(pos, text)
+        parts = [(pos + at, part) for at, part in arguments_of(text, call.end())]
+        names = self.goal(*parts[0])
+        fathers = {one.frame for one in self.reading.positions if one.name in names}
+        same = len(parts) == 3 and {scoped(self.names.plain(parts[1][1]), self.application)} == fathers
+        axes: What | None = "tool" if call[1] == "appro" else "frame" if same else None
+        self.step(pos, text, parts[-1][1], names, axes)
+        return names
