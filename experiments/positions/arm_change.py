@@ -165,8 +165,8 @@ class ArmChange:
             raise NotConvertible(
                 "several sets of joints reach it, and nothing says which: state --near J1,J2,…"
             )
-        if near is None:
-            return np.asarray(rows[0])
+        if near is None:  # the turns that are farthest from the limits
+            return np.asarray(rows[np.argmin(np.abs(rows).max(axis=1))])
         distance = np.abs(rows - near).max(axis=1)
         nearest = rows[np.argmin(distance)]
         others = [np.abs(row - near).max() for row in rows if np.abs(row - nearest).max() > _SAME_TURN]

@@ -150,7 +150,4 @@ class PacProgram(Script):
             names = self.goal(pos, added["goal"])
             self.step(pos, text, added["by"], names, "frame", -1 if added["sign"] == "-" else 1)
             return names
-        if re.match(r"\(\s*\d", text) and self.literal.fullmatch(text) is None:
-            self.reading.refuse(self.file, pos, f"{text[:40]}: axes one by one are not understood")
-            return []
         return super().goal(pos, text)

@@ -67,7 +67,9 @@ class Script:
         self.lines = [
             (start + at + len(part) - len(part.lstrip()), part.strip()) for at, part in parts if part.strip()
         ]
-        for number, (_, text) in enumerate(self.lines):
+        for number, (pos, text) in enumerate(self.lines):
+            if len(re.findall(r"[\[({]", text)) != len(re.findall(r"[\])}]", text)):
+                self.reading.refuse(self.file, pos, "a bracket is not closed, or not opened")
             self.active.jumps |= (number > 0 or text[:4] != "def ") and self.jump.match(text) is not None
             for move in self.move.finditer(text):
                 for _, goal in self.goals_of(move, self.arguments(text, move)):
@@ -134,7 +136,7 @@ class Script:
             key, joints = f"{self.file.name}:{pos}", self.is_joints(literal)
             joints = self.joints if joints is None else joints
             self.add(pos, literal, key, f"line {self.file.line(pos)}", joints=joints)
-            return [key]
+            return [one.name for one in self.reading.positions[-1:] if one.name == key]
         return self.names.goals(self.file, pos, text)
 
     def step(

@@ -9,7 +9,7 @@ from .position import NUMBER, BackupReading, SourceFile, What, arguments_of
 from .script import Arguments, Script
 from .val3_data import Val3Names, read_data, scoped
 
-_CODE = re.compile(r"<(Code|code)\b[^>]*>(.*?)</\1>", re.DOTALL)
+_CODE = re.compile(r"<(Code|code)\b[^>]*>(?:\s*<!\[CDATA\[)?(.*?)(?:\]\]>\s*)?</\1>", re.DOTALL)
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
 
 

@@ -198,8 +198,9 @@ class Dialect(ABC):
         flange = self.arm.fk(one.joints, "deg")
         return np.asarray(np.linalg.inv(backup.frames[one.frame]) @ flange @ backup.tools[one.tool])
 
-    def made(self, seed: int, count: int = 4) -> MadeBackup:
-        """A backup with so many positions, in all configurations, with several tools and frames."""
+    def made(self, seed: int, count: int = 4, *, stepped: bool = False) -> MadeBackup:
+        """A backup with so many positions, in all configurations, with several tools and frames; `stepped`:
+        with a relative motion, where one has a name or says where it starts."""
         rng = np.random.default_rng([seed, sum(map(ord, self.name))])
         tools = {name: _random_pose(rng, 200) for name in self.tool_names}
         frames = {name: _random_pose(rng, 800) for name in self.frame_names}
@@ -216,9 +217,10 @@ class Dialect(ABC):
         ]
         backup = MadeBackup(self, tools, frames, positions)
         backup.texts = self.texts(backup, rng)
-        by, (file, mark) = np.round(rng.uniform(-20, 20, 3), 1), self.steps_before
-        steps = [self.step(one, backup, by, rng) for one in backup.positions if not one.in_joints]
-        backup.step = next((step for step in steps if step is not None), None)
+        if stepped:
+            by, (file, mark) = np.round(rng.uniform(-20, 20, 3), 1), self.steps_before
+            steps = [self.step(one, backup, by, rng) for one in backup.positions if not one.in_joints]
+            backup.step = next((step for step in steps if step is not None), None)
         if backup.step is not None:
             before, _, behind = backup.texts[file].rpartition(mark)
             backup.texts[file] = f"{before}{backup.step.lines}\r\n{backup.step.behind}{mark}{behind}"

@@ -22,7 +22,7 @@ _EVERY = 300  # of which ten a language are not long
 @pytest.mark.parametrize("language", DIALECTS)
 def test_positions_keep_their_places(language: str, seed: int, tmp_path: Path) -> None:
     dialect = DIALECTS[language]
-    backup = dialect.made(seed)
+    backup = dialect.made(seed, stepped=True)
     entered = ENTERED * np.random.default_rng(seed).choice([-1, 1], 6)
     answer = kept(written(backup, tmp_path), dialect.robot, entered, **backup.options)
     assert answer.refused == ()
@@ -66,7 +66,7 @@ def rest(text: str, file: str, answer: Conversion, *, new: bool = False) -> str:
 @pytest.mark.parametrize("language", DIALECTS)
 def test_keep_then_restore_gives_every_byte(language: str, tmp_path: Path) -> None:
     dialect = DIALECTS[language]
-    backup = dialect.made(1)
+    backup = dialect.made(1, stepped=True)
     answer = kept(written(backup, tmp_path / "backup"), dialect.robot, **backup.options)
     write_conversion(tmp_path / "new", answer)
     for name, content in answer.content.items():

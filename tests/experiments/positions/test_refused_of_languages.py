@@ -92,12 +92,125 @@ CASES: dict[str, dict[str, Case]] = {
         "elsewhere": Case("Dly 0.5", "If M1=1 Then Mov P_99", "P_99 is computed"),
         "offset": Case("Dly 0.5", "P9=(1,2,3,4,5,6)(7,0)", "no statement of the backup moves to P9"),
     },
+    "VAL3": {
+        "cut off": Case("</Datas>\r\n</Database>", "", "1: this is no whole file of an application"),
+        "damaged": Case(
+            ' rz="',
+            ' rq="',
+            "8: pP1[1]: its frame usrapp/work:fjig[0]: it is not in six numbers",
+            checked=False,
+        ),
+        "five numbers": Case(
+            "</Datas>",
+            '<Data name="pZ" type="pointRx" size="1"><Value key="0" x="1" /></Data>\r\n</Datas>',
+            "pZ[0] states 1 numbers",
+        ),
+        "seven axes": Case(
+            "</Datas>",
+            '<Data name="jZ" type="jointRx" size="1"><Value key="0" j1="1" j2="1" j3="1" j4="1" j5="40"'
+            ' j6="1" j7="5" /></Data>\r\n</Datas>',
+            "jZ[0] states 6 numbers",
+        ),
+        "tool at run time": Case(
+            "  waitEnd", "  tGrip.trsf.z=9\r\n  waitEnd", "tGrip is set when the program"
+        ),
+        "frame at run time": Case(
+            "  waitEnd", "  fJig.trsf=fA.trsf\r\n  waitEnd", "fJig is set when the program"
+        ),
+        "linked": Case("  waitEnd", "  link(pA, fJig)\r\n  waitEnd", "link(: tools or frames are set"),
+        "any tool": Case(
+            "  waitEnd",
+            "  movej(pP1[1],tAny[i],m)\r\n  waitEnd",
+            "8: pP1[1] is used with several",
+            checked=False,
+        ),
+        "overwritten": Case("  waitEnd", "  pP1[1]=here(tGrip,world)\r\n  waitEnd", "the program overwrites"),
+        "component": Case("  waitEnd", "  pP1[1].trsf.z=5\r\n  waitEnd", "the program overwrites"),
+        "relative": Case("  waitEnd", "  movel(appro(pP1[1],tr),tTorch,m)\r\n  waitEnd", "appro(pP1[1],tr)"),
+        "computed": Case("  waitEnd", "  movej(pP1[i],tTorch,m)\r\n  waitEnd", "pP1[i] is computed"),
+        "here": Case("  waitEnd", "  movej(herej(),flange,m)\r\n  waitEnd", "herej() is computed"),
+        "library": Case("  waitEnd", "  movej(lib:pA,flange,m)\r\n  waitEnd", "lib:pA is computed"),
+        "elsewhere": Case(
+            "  waitEnd", "  movej(pNone,flange,m)\r\n  waitEnd", "pnone[0] is stored elsewhere"
+        ),
+        "call": Case("  waitEnd", "  call pick(pP1[1])\r\n  waitEnd", "pP1[1] is used by this"),
+    },
+    "DRL": {
+        "tool at run time": Case("wait(0.5)", "add_tcp('a', t)", "add_tcp: tools or frames are set"),
+        "frame at run time": Case("wait(0.5)", "u = set_user_cart_coord(p)", "set_user_cart_coord: tools or"),
+        "any frame": Case("wait(0.5)", "movel(posx(1,2,3,4,5,6), ref=u)", "the frame of this motion is set"),
+        "five numbers": Case("wait(0.5)", "movej(posj(1,2,3,4,5))", "line 9 has 5 numbers"),
+        "overwritten": Case("wait(0.5)", "P1[2] += 10", "the program overwrites the stored position P1"),
+        "two values": Case("wait(0.5)", "P1 = posx(1,2,3,4,5,6)", "P1 has several values"),
+        "computed": Case("wait(0.5)", "movel(add_pose(P1, d))", "add_pose(P1, d) is computed"),
+        "elsewhere": Case("wait(0.5)", "movej(Global_P1)", "global_p1 is stored elsewhere"),
+        "step": Case("wait(0.5)", "movel(posx(0,0,9,0,0,0), mod=DR_MV_MOD_REL)", "posx(0,0,9,0,0,0)"),
+        "spiral": Case("wait(0.5)", "move_spiral(rev=3, rmax=20)", "move_spiral is a step"),
+        "home": Case("wait(0.5)", "move_home(DR_HOME_TARGET_USER)", "move_home: home is stored"),
+        "call": Case("wait(0.5)", "pick(P1)", "P1 is used by this"),
+        "offset": Case("wait(0.5)", "D = posx(0,0,9,0,0,0)", "no statement of the backup moves to D"),
+    },
+    "PacScript": {
+        "tool at run time": Case("  GiveArm", "  Tool 2, P[5]", "Tool 2, P[5]: tools or frames are set"),
+        "work at run time": Case("  GiveArm", "  Work 2, CurPos", "Work 2, CurPos: tools or frames are set"),
+        "any tool": Case("  GiveArm", "  ChangeTool n\r\n  Move P, P1", "9: P1 is used with several tools"),
+        "taken again": Case("  GiveArm", "  TakeArm\r\n  Move P, P1", "9: P1 is used with several tools"),
+        "matrix": Case("  GiveArm", "  Move P, T(1,2,3,1,0,0,0,1,0,5)", "line 18: this position is not"),
+        "five numbers": Case("  GiveArm", "  Move P, J(1,2,3,4,5)", "line 18 has 5 numbers"),
+        "external axis": Case("  GiveArm", "  Move P, J(1,2,3,4,50,6,7)", "line 18 has positions of"),
+        "axes": Case("  GiveArm", "  DriveA (1, 90)", "line 18 has 2 numbers"),
+        "which one": Case("  GiveArm", "  P[n] = CurPos", "P[n]: which position is overwritten"),
+        "overwritten": Case("  GiveArm", "  LetX P1 = 10", "the program overwrites the stored position P1"),
+        "two values": Case("  GiveArm", "  P1 = P(1,2,3,4,5,6,5)", "P1 has several values"),
+        "relative": Case("  GiveArm", "  Move L, P1 + P(0,0,9,0,0,0)", "P1 + P(0,0,9,0,0,0)"),
+        "approach": Case("  GiveArm", "  Approach L, P1, h", "Approach L P1 h"),
+        "step": Case("  GiveArm", "  Draw L, V1", "Draw L V1"),
+        "computed": Case("  GiveArm", "  Move P, P[n]", "P[n] is computed"),
+        "spline": Case("  GiveArm", "  Move S, 1", "Move S 1 is computed"),
+        "elsewhere": Case("  GiveArm", "  Move P, P[99]", "p[99] is stored elsewhere"),
+        "call": Case("  GiveArm", "  Call pick(P1)", "P1 is used by this"),
+    },
+    "URScript": {
+        "no near joints": Case(
+            "end\r\n", "  movel(p[.4,.2,.3,0.1,3,0])\r\nend\r\n", "11: line 11: several sets", checked=False
+        ),
+        "five numbers": Case("end\r\n", "  movej([1,2,3,4,5])\r\nend\r\n", "line 11 has 5 numbers"),
+        "tool at run time": Case(
+            "end\r\n",
+            "  set_tcp(t)\r\n  movel(P1_p)\r\nend\r\n",
+            "4: P1_p is used with several",
+            checked=False,
+        ),
+        "conveyor": Case(
+            "end\r\n", "  track_conveyor_linear(d, 9)\r\nend\r\n", "track_conveyor_linear: tools"
+        ),
+        "overwritten": Case(
+            "end\r\n", "  P1_p[2]=0.3\r\nend\r\n", "the program overwrites the stored position"
+        ),
+        "two values": Case("end\r\n", "  P1_p=p[1,2,3,4,5,6]\r\nend\r\n", "P1_p has several values"),
+        "relative": Case(
+            "end\r\n", "  movel(pose_trans(P1_p, p[0,0,.1,0,0,0]))\r\nend\r\n", "pose_trans(P1_p"
+        ),
+        "in a frame": Case(
+            "end\r\n", "  movel(pose_trans(plane, P1_p))\r\nend\r\n", "pose_trans(plane, P1_p) is"
+        ),
+        "computed": Case(
+            "end\r\n", "  movej(get_actual_joint_positions())\r\nend\r\n", "get_actual_joint_pos"
+        ),
+        "elsewhere": Case("end\r\n", "  movej(home_q)\r\nend\r\n", "home_q is stored elsewhere"),
+        "speed": Case("end\r\n", "  speedl([0,0,.1,0,0,0], 1)\r\nend\r\n", "speedl(: where it ends"),
+        "call": Case("end\r\n", "  pick(P1_p)\r\nend\r\n", "P1_p is used by this"),
+    },
 }
+
+
+# With two poses of one tool and frame, each declared.
+SEEDS = {"VAL3": 24, "DRL": 31, "PacScript": 15, "URScript": 23}
 
 
 @cache
 def _made(language: str) -> MadeBackup:
-    return DIALECTS[language].made(11, 2)
+    return DIALECTS[language].made(SEEDS.get(language, 11), 2)
 
 
 @pytest.mark.parametrize("language", CASES)

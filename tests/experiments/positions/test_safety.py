@@ -234,9 +234,8 @@ def test_another_makers_backup_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("language", DIALECTS)
 def test_nothing_is_written_in_part(language: str, tmp_path: Path) -> None:
     backup: MadeBackup = DIALECTS[language].made(7)
-    name = next(
-        name for name in backup.texts if name.lower().endswith(("mod", "src", "ls", "jbi", "as", "prg"))
-    )
+    endings = ("mod", "src", "ls", "jbi", "as", "prg", "pgx", "drl", "pcs", "script")
+    name = next(name for name in backup.texts if name.lower().endswith(endings))
     bad = {
         "RAPID": (
             "ENDPROC",
@@ -248,6 +247,10 @@ def test_nothing_is_written_in_part(language: str, tmp_path: Path) -> None:
         "SPEL+": ("Fend", "  Go P99\r\nFend"),
         "MELFA-BASIC": ("Dly 0.5", "Mov P99"),
         "INFORM": ("NOP\r\n", "NOP\r\nMOVL C00099 V=10.0\r\n"),
+        "VAL3": ("  waitEndMove()", "  movej(pNone,flange,mNom)\r\n  waitEndMove()"),
+        "DRL": ("wait(0.5)", "movej(Global_home)\r\nwait(0.5)"),
+        "PacScript": ("  GiveArm", "  Move P, P[99]\r\n  GiveArm"),
+        "URScript": ("end\r\n", "  movej(home_q)\r\nend\r\n"),
     }[language]
     backup.texts[name] = backup.texts[name].replace(*bad)
     answer = kept(written(backup, tmp_path), DIALECTS[language].robot, **backup.options)
