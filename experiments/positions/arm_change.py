@@ -149,7 +149,7 @@ class ArmChange:
         values = self.pendant.counted(joints) * self.pendant.per_degree(self.language.unit)
         return tuple(values[list(axes)].tolist())
 
-    def joints_at(self, flange: Matrix, configuration: Sequence[str], near: Matrix | None) -> Matrix:
+    def joints_at(self, flange: Matrix, configuration: Sequence[str], near: Matrix | None = None) -> Matrix:
         """(n,) degrees (mm) by which the nominal arm has its flange there with the stated configuration, the
         nearest to joints that are stated."""
         rows = self._solutions(flange, configuration, near)

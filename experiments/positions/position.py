@@ -201,7 +201,7 @@ class BackupReading:
     ) -> None:
         """A position of six numbers; numbers behind them are of external axes."""
         if len(spans) < 6:
-            return self.refuse(file, pos, f"{label} has {len(spans)} numbers")
+            return self.unread(file, pos, f"{label} has {len(spans)} numbers", label)
         others |= {"axes": range(6)} if joints else {}
         external = [float(file.text[slice(*span)]) for span in spans[6:]]
         return self.add(file, pos, name, label, spans[:6], configuration, external=external, **others)
