@@ -1,4 +1,5 @@
-"""Fields common to the answers of all studies (`study.json`, docs/files-studies.md).
+"""Fields common to the answers of all studies (`study.json`, docs/files-studies.md), and how intervals are
+judged.
 
 Units are those that people read (deg, mm, s). What a plan does not identify has no number, save in a
 control, which is wrong on purpose: the dataclasses refuse to be made otherwise.
@@ -6,8 +7,8 @@ control, which is wrong on purpose: the dataclasses refuse to be made otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -15,8 +16,10 @@ from scipy import special, stats
 
 from ...analysis.status import Status, require_no_more_than
 from ...analysis.status import versions as installed_versions
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix, normal_half_width
+from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
+from ...words.wording import label
 
 SCHEMA: Final = "zerobeam/study/1"
 
@@ -74,57 +77,54 @@ class ErrorStatistics(NamedTuple):
 @dataclass(frozen=True)
 class ObservedParameter:
     """Errors (estimate minus truth) of one parameter over many runs: bias with its Monte Carlo standard error
-    `bias_mcse`, rmse, and the root mean square of the standard uncertainties that the runs state."""
+    `bias_mcse`, rmse, the root mean square of the standard uncertainties that the runs state, and the share
+    of its intervals of one level or of each; None, or no shares, where no run determines the parameter."""
 
     name: str
     unit: str
     status: Status
-    bias: float | None
-    bias_mcse: float | None
-    rmse: float | None
-    predicted_std: float | None
+    bias: float | None = None
+    bias_mcse: float | None = None
+    rmse: float | None = None
+    predicted_std: float | None = None
+    coverage: Share | tuple[Share, ...] | None = None
 
     @property
     def shares(self) -> tuple[Share, ...]:
         """The shares that there are, one a level."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class ParameterWithShare(ObservedParameter):
-    """The same with the share of its intervals of one level; None where no run determines the parameter."""
-
-    coverage: Share | None = None
-
-    @property
-    def shares(self) -> tuple[Share, ...]:
-        return () if self.coverage is None else (self.coverage,)
+        if isinstance(self.coverage, Share):
+            return (self.coverage,)
+        return self.coverage or ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPart:
     """A part of a study with numbers that must agree with what they should be, and a sentence on them. A
-    `control` is wrong on purpose, and must not agree."""
+    `control` is wrong on purpose, and must not agree.
+
+    Raises UnsoundResult where a parameter that is not determined has a number, unless it is a control.
+    """
 
     name: str
     control: bool
     agrees: bool
     sentence: str
+    parameters: tuple[Any, ...]
+
+    def __post_init__(self) -> None:
+        for row in () if self.control else self.parameters:
+            if isinstance(row, ObservedParameter):
+                numbers = {one.name: getattr(row, one.name) or None for one in fields(row)[3:]}
+                require_no_more_than(f"{row.name} of {self.name}", row.status, **numbers)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedEstimator(JudgedPart):
-    """An estimator on a plan; `converged` counts what it has a fit of.
-
-    Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
-    """
+    """An estimator on a plan; `converged` counts what it has a fit of."""
 
     words: str
     converged: int
     parameters: tuple[ObservedParameter, ...]
-
-    def __post_init__(self) -> None:
-        require_sound(self.name, self.control, self.parameters)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,21 +137,6 @@ class PlanOfStudy:
     shots: int
     noise: NoiseLevel
     failed: int
-
-
-def require_sound(subject: str, control: bool, parameters: Iterable[ObservedParameter]) -> None:
-    """Raise UnsoundResult if a parameter of `subject` that is not determined has a number, and it is no
-    control."""
-    for row in () if control else parameters:
-        require_no_more_than(
-            f"{row.name} of {subject}",
-            row.status,
-            bias=row.bias,
-            bias_mcse=row.bias_mcse,
-            rmse=row.rmse,
-            predicted_std=row.predicted_std,
-            coverage=row.shares or None,
-        )
 
 
 def accuracy(error: Matrix, std: Matrix) -> ErrorStatistics:
@@ -183,8 +168,63 @@ def share_interval(held: int, of: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def agreement_words(agrees: bool, control: bool) -> str:
-    """The verdict on intervals: as stated, or not; on a control: detected, or not."""
-    if control:
-        return "not detected" if agrees else "detected as wrong"
-    return "as stated" if agrees else "not as stated"
+def by_stds(off: Matrix, level: float) -> int:
+    """How many intervals of a level hold the truth; `off` (R,) are the errors in standard uncertainties."""
+    return int((np.abs(off) <= normal_half_width(level)).sum())
+
+
+def observed(
+    items: Sequence[Parameter],
+    status: Sequence[Status],
+    judged: Sequence[bool],
+    error: Matrix,
+    std: Matrix,
+    kept: Mask,
+    alarm: float,
+    levels: Sequence[float] = (0.95,),
+    held: Callable[[int, Mask, float], int] | None = None,
+) -> tuple[ObservedParameter, ...]:
+    """The rows of m parameters over R runs with `error` and `std` (R, m), deg or mm, nan where a run does not
+    determine the parameter, of the runs `kept` (R,).
+
+    Those that are not `judged` have no number. `alarm` is the probability of a false alarm over all. `held`
+    counts the intervals of parameter j in runs of a level that hold the truth (default: estimate ± k u).
+    """
+    alarm /= max(sum(judged) * len(levels), 1)
+    rows = []
+    for j, item in enumerate(items):
+        shares: tuple[Share, ...] = ()
+        errors, some = ErrorStatistics(), kept & np.isfinite(std[:, j])
+        if judged[j] and some.any():
+            off = error[some, j] / std[some, j]
+            errors = accuracy(error[some, j], std[some, j])
+            counts = [by_stds(off, at) if held is None else held(j, some, at) for at in levels]
+            shares = tuple(
+                held_share(count, len(off), at, alarm) for count, at in zip(counts, levels, strict=True)
+            )
+        coverage = shares if len(levels) > 1 else shares[0] if shares else None
+        rows.append(ObservedParameter(item.name, item.unit, status[j], *errors, coverage))
+    return tuple(rows)
+
+
+def all_agree(rows: Iterable[ObservedParameter]) -> bool:
+    """Whether there are shares and all agree."""
+    shares = [share for row in rows for share in row.shares]
+    return bool(shares) and all(share.agrees for share in shares)
+
+
+def worst_share(
+    rows: Iterable[ObservedParameter], agrees: bool, control: bool, *, level: float = 0.95, more: str = ""
+) -> str:
+    """The share farthest from its level in words, and whether the intervals are as stated; of a control,
+    whether it is detected."""
+    shares = [(abs(one.share - level), row.name, one) for row in rows for one in row.shares]
+    shares = [entry for entry in shares if entry[-1].level == level]
+    if not shares:
+        return "All offsets are unidentifiable"
+    _, name, worst = max(shares, key=lambda entry: entry[0])
+    verdict = ("as stated", "not as stated", "not detected", "detected as wrong")[2 * control + (not agrees)]
+    return (
+        f"{100 * level:g} % intervals hold the truth in {100 * worst.share:.1f} % at the worst"
+        f" ({label(name)}){more}: {verdict}"
+    )

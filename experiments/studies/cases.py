@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from ...analysis.status import versions
-from ...interruption import obey
 from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten, UnsoundResult, located
 from ...model.files.journal import LineJournal
@@ -122,23 +121,6 @@ def heading_of(study: str, seed: int, **settings: object) -> dict[str, object]:
     return {"study": study, "seed": seed, **settings, "versions": versions()}
 
 
-def each_case(
-    store: Path | None,
-    heading: Mapping[str, object],
-    kind: type[Case],
-    count: int,
-    work: Callable[[int], Case],
-) -> list[Case]:
-    """The answers of so many cases in turn: those that the store has, else by `work`, and kept at once."""
-
-    def answers(numbers: Sequence[int]) -> Generator[tuple[int, Case], None, None]:
-        for number in numbers:
-            obey()
-            yield number, work(number)
-
-    return _completed(store, heading, kind, count, answers, lambda done: None)
-
-
 def each_piece(
     store: Path | None,
     heading: Mapping[str, object],
@@ -153,35 +135,17 @@ def each_piece(
     """The answers of all pieces: those that the store has, else worked out side by side by `work`, a function
     of a module, and kept at once. `called` is the name of a piece in the progress."""
 
-    def answers(numbers: Sequence[int]) -> Generator[tuple[int, Case], None, None]:
-        jobs = [pieces[number] for number in numbers]
-        with closing(side_by_side(work, jobs, processes)) as answered:
-            for job, answer in answered:
-                yield numbers[job], answer
+    def tell() -> None:
+        progress(f"{called} {len(finished)}/{len(pieces)}", len(finished) / max(len(pieces), 1))
 
-    def tell(done: int) -> None:
-        progress(f"{called} {done}/{len(pieces)}", done / len(pieces))
-
-    return _completed(store, heading, kind, len(pieces), answers, tell)
-
-
-def _completed(
-    store: Path | None,
-    heading: Mapping[str, object],
-    kind: type[Case],
-    count: int,
-    answers: Callable[[Sequence[int]], Generator[tuple[int, Case], None, None]],
-    tell: Callable[[int], None],
-) -> list[Case]:
-    """The answers of the store, and `answers` of the numbers that it lacks; `tell` is called with how many
-    there are."""
     with contextlib.nullcontext() if store is None else CaseStore(store, heading, kind) as kept:
         finished = {} if kept is None else kept.done
-        tell(len(finished))
-        with closing(answers([number for number in range(count) if number not in finished])) as answered:
-            for number, answer in answered:
-                finished[number] = answer
+        tell()
+        numbers = [number for number in range(len(pieces)) if number not in finished]
+        with closing(side_by_side(work, [pieces[number] for number in numbers], processes)) as answered:
+            for job, answer in answered:
+                finished[numbers[job]] = answer
                 if kept is not None:
-                    kept.add(number, answer)
-                tell(len(finished))
-    return [finished[number] for number in range(count)]
+                    kept.add(numbers[job], answer)
+                tell()
+    return [finished[number] for number in range(len(pieces))]

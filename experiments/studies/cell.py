@@ -16,30 +16,26 @@ from typing import Annotated
 import numpy as np
 
 from ...analysis.observability.identifiability import identify
-from ...analysis.solution import Solution
-from ...model.arrays import Matrix, Progress, normal_half_width
+from ...model.arrays import Matrix, Progress
 from ...model.files.header import Header
 from ...model.files.plan import Plan, planned
 from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ...words.wording import label, listed
-from ..procedure.session import PHASES, state_of
+from ..procedure.session import PHASES
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, CellFile
 from .answer import (
-    ErrorStatistics,
     JudgedPart,
     NoiseLevel,
-    ParameterWithShare,
+    ObservedParameter,
     PlanOfStudy,
     StudyAnswer,
-    accuracy,
-    agreement_words,
-    held_share,
-    require_sound,
+    all_agree,
+    observed,
+    worst_share,
 )
-from .campaign import CellRun, Repeated, campaign, seeds_of
-from .cases import each_case, heading_of
-from .data_sets import with_half_the_noise
+from .campaign import CellRun, Repeated, SeededRun, carried, seeds_of
+from .cases import each_piece, heading_of
 from .laser_plans import (
     MEASUREMENTS,
     SIGMA_MM,
@@ -80,32 +76,18 @@ class ShotsUsed:
 class CellPlan(JudgedPart, PlanOfStudy):
     """One plan: `failed` runs without a result and why, `refused` measurements over all runs, `contradicted`
     runs that contradict the model; `seconds` by phase and in `total`; `saved` is the mean number of postures
-    that an adaptive run did without, `computing_s` the real time of a run.
-
-    Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
-    """
+    that an adaptive run did without, `computing_s` the real time of a run."""
 
     runs: int
     failures: tuple[str, ...]
     refused: int
     contradicted: int
-    parameters: tuple[ParameterWithShare, ...]
+    parameters: tuple[ObservedParameter, ...]
     seconds: dict[str, PhaseSeconds]
     within_limit: bool | None
     shots_used: ShotsUsed
     saved: float | None
     computing_s: float | None
-
-    def __post_init__(self) -> None:
-        require_sound(self.name, self.control, self.parameters)
-
-
-@dataclass(frozen=True)
-class CellCase:
-    """A finished plan as it is kept; with the control that is made of its runs, if any."""
-
-    plan: CellPlan
-    control: CellPlan | None = None
 
 
 @dataclass(frozen=True)
@@ -164,27 +146,18 @@ def studied_plans(seed: int, camera: bool) -> list[CellPlanStudied]:
     pool = _plan(header, candidate_postures(header, CANDIDATES, seed).postures[:_POOL])
     needed = _needed_in_turn(pool)
     in_turn = f"{needed} are needed" if needed else "they are not enough"
+    adaptive = (
+        f"adaptive: the best next one of {_POOL} postures, until the largest u is within {_TOLERANCE_DEG:g}°;"
+        f" in their own order {in_turn} by prediction"
+    )
+    y_pattern = f"Y-Pattern of {MEASUREMENTS} measurements over the arm's whole reach"
+    optimal = f"{MEASUREMENTS} A-optimal measurements of {CANDIDATES} postures"
+    backlash = f"control: the optimal plan on an arm with a backlash of {_BACKLASH_DEG:g}°"
     return [
-        CellPlanStudied(
-            "y-pattern",
-            f"Y-Pattern of {MEASUREMENTS} measurements over the arm's whole reach",
-            Repeated(paper_plan(header), cell),
-        ),
-        CellPlanStudied(
-            "optimal", f"{MEASUREMENTS} A-optimal measurements of {CANDIDATES} postures", Repeated(best, cell)
-        ),
-        CellPlanStudied(
-            "adaptive",
-            f"adaptive: the best next one of {_POOL} postures, until the largest u is within"
-            f" {_TOLERANCE_DEG:g}°; in their own order {in_turn} by prediction",
-            Repeated(pool, cell, _TOLERANCE_DEG),
-        ),
-        CellPlanStudied(
-            "backlash",
-            f"control: the optimal plan on an arm with a backlash of {_BACKLASH_DEG:g}°",
-            Repeated(best, loose),
-            control=True,
-        ),
+        CellPlanStudied("y-pattern", y_pattern, Repeated(paper_plan(header), cell)),
+        CellPlanStudied("optimal", optimal, Repeated(best, cell, halved=True)),
+        CellPlanStudied("adaptive", adaptive, Repeated(pool, cell, _TOLERANCE_DEG)),
+        CellPlanStudied("backlash", backlash, Repeated(best, loose), control=True),
     ]
 
 
@@ -210,59 +183,32 @@ def cell_study(
 ) -> CellStudy:
     """Carry out the whole study.
 
-    It agrees if the intervals of every plan hold the truth as often as header, and every control is detected.
-    With a `store` the answer of each plan is kept in that file at once, and a study that was stopped goes on
-    from there.
+    It agrees if the intervals of every plan hold the truth as often as stated, and every control is detected.
+    With a `store` each run is kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
     progress("plans", 0.0)
     plans = studied_plans(seed, camera)
-
-    def studied(k: int) -> CellCase:
-        plan = plans[k]
-        stage = f"plan {k + 1}/{len(plans)}, {plan.name}"
-        made = campaign(
-            plan.repeated,
-            seeds_of(seed, runs),
-            lambda share: progress(stage, (k + 0.95 * share) / len(plans)),
-            processes,
-        )
-        answer = judged(plan, made, [run.state for run in made])
-        if plan.name != "optimal":
-            return CellCase(answer)
-        understated = replace(
-            plan,
-            name="noise understated by 2",
-            words="control: the optimal plan's runs, the noise stated as half of what it is",
-            control=True,
-        )
-        half = with_half_the_noise(Problem.from_plan(plan.repeated.plan))
-        states = [
-            None if run.state is None else state_of(plan.repeated.plan.header, half, run.shots)
-            for run in made
-        ]
-        return CellCase(answer, judged(understated, made, states))
-
+    pieces = [SeededRun(plan.repeated, one) for plan in plans for one in seeds_of(seed, runs)]
     heading = heading_of("cell", seed, runs=runs, camera=camera)
-    cases = each_case(store, heading, CellCase, len(plans), studied)
-    progress("plans", 1.0)
-    answers = (*(case.plan for case in cases), *(case.control for case in cases if case.control is not None))
+    made = each_piece(store, heading, CellRun, carried, pieces, progress, processes, called="run")
+    answers, controls = [], []
+    for k, plan in enumerate(plans):
+        of_plan = made[k * runs : (k + 1) * runs]
+        answers.append(judged(plan, of_plan))
+        if plan.repeated.halved:
+            words = f"control: the {plan.name} plan's runs, the noise stated as half of what it is"
+            understated = replace(plan, name="noise understated by 2", words=words, control=True)
+            controls.append(judged(understated, [run.of_half for run in of_plan]))
+    every = (*answers, *controls)
     return CellStudy(
         study="cell",
         title="Does the whole chain hold what it states?",
-        headline=_headline(runs, answers),
-        agrees=all(plan.agrees is not plan.control for plan in answers),
-        settings=CellSettings(
-            runs=runs,
-            seed=seed,
-            level=_LEVEL,
-            camera=camera,
-            chance=_ALARM,
-            limit_s=_LIMIT_S,
-            tolerance_deg=_TOLERANCE_DEG,
-        ),
+        headline=_headline(runs, every),
+        agrees=all(plan.agrees is not plan.control for plan in every),
+        settings=CellSettings(runs, seed, _LEVEL, camera, _ALARM, _LIMIT_S, _TOLERANCE_DEG),
         seconds=time.perf_counter() - began,
-        plans=answers,
+        plans=every,
         notes=(
             f"Every run has an arm of its own, with offsets of {plans[0].repeated.cell.arm.drawn_deg:g}°"
             " (one standard deviation), a PSD some 20 mm away from its guess, and noise of its own; the"
@@ -282,90 +228,69 @@ def cell_study(
     )
 
 
-def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[Solution | None]) -> CellPlan:
-    """One plan of the study; `states` is what each run states, in the order of `runs`."""
-    carried = plan.repeated.plan
-    problem = Problem.from_plan(carried)
-    status = identify(problem, problem.nominal()).status
-    ended = [run for run in runs if run.state is not None]
+def judged(plan: CellPlanStudied, runs: Sequence[CellRun]) -> CellPlan:
+    """One plan of the study, by what its runs state."""
+    carried_plan = plan.repeated.plan
+    problem = Problem.from_plan(carried_plan)
     free = np.flatnonzero(problem.parameters.free & problem.parameters.group("offset"))
-    rows = []
-    for i in free:
-        item = problem.parameters.items[i]
-        error, std = _of_offset(item.name, runs, states)
-        # An unidentifiable offset has no number, even if single runs were lucky enough to claim one.
-        determined = status[i] != "unidentifiable" or plan.control
-        errors, share = ErrorStatistics(), None
-        if determined and len(error):
-            held = int((np.abs(error) <= normal_half_width(_LEVEL) * std).sum())
-            errors, share = accuracy(error, std), held_share(held, len(error), _LEVEL, _ALARM / len(free))
-        rows.append(ParameterWithShare(item.name, item.unit, status[i], *errors, coverage=share))
-    shares = [share for row in rows for share in row.shares]
-    agrees = bool(shares) and all(share.agrees for share in shares)
-    contradicted = sum(state is not None and not state.consistent for state in states)
-    used = [len(run.shots) for run in ended]
-    saved = [len(carried.postures) - len(run.shots) - len(run.refused) for run in ended]
-    adaptive = plan.repeated.tolerance is not None
+    items = [problem.parameters.items[i] for i in free]
+    nominal = identify(problem, problem.nominal()).status
+    status = [nominal[i] for i in free]
+    error = np.full((len(runs), len(items)), np.nan)
+    stds = error.copy()
+    for r, run in enumerate(runs):
+        for j, item in enumerate(items):
+            if run.estimates is not None and item.name in run.estimates.offsets:
+                value, std = run.estimates.offsets[item.name]
+                error[r, j], stds[r, j] = value - run.truth[item.name], std
+    # An unidentifiable offset has no number, even if single runs were lucky enough to claim one.
+    determined = [plan.control or one != "unidentifiable" for one in status]
+    rows = observed(items, status, determined, error, stds, np.ones(len(runs), dtype=bool), _ALARM)
+    agrees = all_agree(rows)
+    ended = [run for run in runs if run.estimates is not None]
+    contradicted = sum(run.estimates is not None and run.estimates.contradicted for run in runs)
+    used = [run.used for run in ended]
+    saved = [len(carried_plan.postures) - run.used - run.refused for run in ended]
     totals = [sum(run.seconds.values()) for run in ended]
+    times = {phase: [run.seconds[phase] for run in ended] for phase in PHASES} | {"total": totals}
     return CellPlan(
         name=plan.name,
         words=plan.words,
         control=plan.control,
         agrees=agrees,
         sentence=_sentence(rows, agrees, plan.control, len(ended), contradicted),
-        robot=carried.robot.name,
-        shots=len(carried.postures),
+        robot=carried_plan.robot.name,
+        shots=len(carried_plan.postures),
         noise=NoiseLevel.of_problem(problem),
         runs=len(runs),
         failed=len(runs) - len(ended),
         failures=tuple(sorted({run.failure for run in runs if run.failure is not None})),
-        refused=sum(len(run.refused) for run in runs),
+        refused=sum(run.refused for run in runs),
         contradicted=contradicted,
-        parameters=tuple(rows),
-        seconds=_seconds(ended),
+        parameters=rows,
+        seconds={
+            phase: PhaseSeconds(float(np.mean(spent)), max(spent)) if spent else PhaseSeconds()
+            for phase, spent in times.items()
+        },
         within_limit=max(totals) <= _LIMIT_S if totals else None,
         shots_used=ShotsUsed(float(np.mean(used)), min(used), max(used)) if used else ShotsUsed(),
-        saved=float(np.mean(saved)) if adaptive and saved else None,
+        saved=float(np.mean(saved)) if plan.repeated.tolerance is not None and saved else None,
         computing_s=float(np.mean([run.computing for run in runs])),
     )
 
 
-def _of_offset(
-    name: str, runs: Sequence[CellRun], states: Sequence[Solution | None]
-) -> tuple[Matrix, Matrix]:
-    """Errors and standard uncertainties (R,), deg or mm, of the runs that determine the offset."""
-    pairs = []
-    for run, state in zip(runs, states, strict=True):
-        for offset in () if state is None else state.offsets:
-            if offset.name == name and offset.estimate is not None and offset.std is not None:
-                pairs.append((offset.estimate - run.truth[name], offset.std))
-    error, std = np.array(pairs).reshape(-1, 2).T
-    return error, std
-
-
-def _seconds(runs: Sequence[CellRun]) -> dict[str, PhaseSeconds]:
-    seconds = {}
-    for phase in (*PHASES, "total"):
-        spent = [sum(run.seconds.values()) if phase == "total" else run.seconds[phase] for run in runs]
-        seconds[phase] = PhaseSeconds(float(np.mean(spent)), max(spent)) if spent else PhaseSeconds()
-    return seconds
-
-
 def _sentence(
-    rows: Sequence[ParameterWithShare], agrees: bool, control: bool, ended: int, contradicted: int
+    rows: Sequence[ObservedParameter], agrees: bool, control: bool, ended: int, contradicted: int
 ) -> str:
-    shares = [(row.name, row.coverage) for row in rows if row.coverage is not None]
-    if not shares:
-        return "All offsets are unidentifiable"
-    name, worst = max(shares, key=lambda pair: abs(pair[1].share - _LEVEL))
-    share = f"{100 * worst.share:.1f} % at the worst ({label(name)})"
-    text = f"{100 * _LEVEL:g} % intervals hold the truth in {share}: "
-    text += agreement_words(agrees, control)
+    text = worst_share(rows, agrees, control)
     if control:
         return f"{text}. {contradicted} of {ended} runs state by themselves that they contradict the model"
-    missing = {row.name: ended - (0 if row.coverage is None else row.coverage.of) for row in rows}
+    missing = {row.name: ended - sum(share.of for share in row.shares) for row in rows}
     without = [f"{label(name)} in {count} runs" for name, count in missing.items() if count]
-    return text + (f". Unidentifiable, so without an interval: {listed(without)}" if without else "")
+    known = any(row.shares for row in rows)
+    return text + (
+        f". Unidentifiable, so without an interval: {listed(without)}" if without and known else ""
+    )
 
 
 def _headline(runs: int, plans: Sequence[CellPlan]) -> str:
@@ -373,14 +298,18 @@ def _headline(runs: int, plans: Sequence[CellPlan]) -> str:
     short = [plan.name for plan in shown if not plan.agrees]
     undetected = [plan.name for plan in controls if plan.agrees]
     longest = max((plan.seconds["total"].max or 0.0 for plan in shown), default=0.0)
-    return " ".join(
-        [
-            f"Over {runs} runs of each plan through the whole chain, the intervals that a run shows"
-            f" {'hold' if not short else 'do not hold'} the truth as often as stated"
-            f"{f' ({listed(short)})' if short else ''}.",
-            f"Not detected: {listed(undetected)}." if undetected else "Every control is detected.",
-            f"The longest run takes {longest:.0f} s of the six minutes that the paper allows."
-            if longest <= _LIMIT_S
-            else f"The longest run takes {longest:.0f} s, more than the paper's six minutes.",
-        ]
+    hold = (
+        f"do not hold the truth as often as stated ({listed(short)})"
+        if short
+        else "hold the truth as often as stated"
+    )
+    within = (
+        " of the six minutes that the paper allows"
+        if longest <= _LIMIT_S
+        else ", more than the paper's six minutes"
+    )
+    return (
+        f"Over {runs} runs of each plan through the whole chain, the intervals that a run shows {hold}."
+        f" {f'Not detected: {listed(undetected)}.' if undetected else 'Every control is detected.'}"
+        f" The longest run takes {longest:.0f} s{within}."
     )

@@ -25,26 +25,23 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.posterior.many_posteriors import LEAST_STEPS, TOGETHER, drawn_together
 from ...analysis.posterior.sampler import ROUND
-from ...analysis.status import Status, has_numbers
-from ...model.arrays import Index, Matrix, Progress
+from ...analysis.status import has_numbers
+from ...model.arrays import Index, Mask, Matrix, Progress
 from ...model.likelihood.density import Density
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...model.records import it
-from ...words.wording import label, listed
+from ...words.wording import listed
 from .answer import (
-    ErrorStatistics,
     JudgedEstimator,
     JudgedPart,
     NoiseLevel,
-    ObservedParameter,
     PlanOfStudy,
-    Share,
     StudyAnswer,
-    accuracy,
-    agreement_words,
-    held_share,
+    all_agree,
+    observed,
+    worst_share,
 )
 from .cases import each_piece, heading_of
 from .data_sets import (
@@ -65,27 +62,8 @@ DRAWS = 199  # of each posterior: central intervals of 50, 90, 95 and 99 % are t
 BINS = 20
 LEVELS = (0.5, 0.9, 0.95, 0.99)
 _CANDIDATES, _SHORT = 2000, 0.4
-_SENTENCE_LEVEL = 0.95
 _ALARM = 0.01  # probability of a false alarm over all levels and parameters of an estimator
 _POWER_RATIOS = (0.9, 0.8, 0.7)
-
-
-@dataclass(frozen=True)
-class CoveredParameter(ObservedParameter):
-    """A parameter of an estimator, with the shares of its intervals at each level."""
-
-    coverage: tuple[Share, ...] = ()
-
-    @property
-    def shares(self) -> tuple[Share, ...]:
-        return self.coverage
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimator(JudgedEstimator):
-    """The coverage of an estimator on a plan."""
-
-    parameters: tuple[CoveredParameter, ...]
 
 
 @dataclass(frozen=True)
@@ -115,7 +93,7 @@ class CoveragePlan(PlanOfStudy):
 
     data_sets: int
     acceptance: float
-    estimators: tuple[Estimator, ...]
+    estimators: tuple[JudgedEstimator, ...]
     sbc: tuple[RankCalibration, ...]
 
 
@@ -363,6 +341,35 @@ def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[CoveragePieceAn
     status, true = [nominal[i] for i in which], data.truths[:, which]
     estimates, ranks = joined(answers, len(which))
     sizes = [len(answer.estimates[0].kept) for answer in answers]
+    judged = [has_numbers(one) for one in status]
+    display = np.array([item.display for item in items])
+
+    def held_by_ranks(j: int, some: Mask, level: float) -> int:
+        """Of central intervals between draws, of which each level holds a whole number of ranks."""
+        cut = round((1 - level) / 2 * (DRAWS + 1))
+        return int(((ranks[some, j] >= cut) & (ranks[some, j] <= DRAWS - cut)).sum())
+
+    estimators = []
+    for one in estimates:
+        # An unidentifiable offset has no interval in any result; but a control is judged by the numbers that
+        # it would have given.
+        claimed = [True] * len(items) if one.control else judged
+        by_ranks = held_by_ranks if one.name == "posterior" else None
+        error, std = (one.value - true) * display, one.std * display
+        rows = observed(items, status, claimed, error, std, one.kept, _ALARM, LEVELS, by_ranks)
+        agrees = all_agree(rows)
+        more = " on this plan" if one.control and agrees else ""
+        estimators.append(
+            JudgedEstimator(
+                name=one.name,
+                words=one.words,
+                control=one.control,
+                agrees=agrees,
+                converged=int(one.kept.sum()),
+                sentence=worst_share(rows, agrees, one.control) + more,
+                parameters=rows,
+            )
+        )
     return CoveragePlan(
         name=plan.name,
         words=plan.words,
@@ -372,83 +379,9 @@ def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[CoveragePieceAn
         data_sets=len(data.truths),
         failed=data.failed,
         acceptance=float(np.average([answer.accepted for answer in answers], weights=sizes)),
-        estimators=tuple(
-            _estimator(one, items, status, true, ranks if one.name == "posterior" else None)
-            for one in estimates
-        ),
+        estimators=tuple(estimators),
         sbc=(calibration(items, ranks, _ALARM),),
     )
-
-
-def _estimator(
-    estimates: Estimates,
-    items: Sequence[Parameter],
-    status: Sequence[Status],
-    truth: Matrix,
-    ranks: Index | None = None,
-) -> Estimator:
-    """Bias, rmse and coverage of one estimator; by `ranks` among the draws where there are any.
-
-    An unidentifiable offset has no interval in any result, so it has none here; but a control is judged by
-    the numbers that it would have given.
-    """
-    kept = estimates.kept
-    error = (estimates.value - truth)[kept]
-    judged = [estimates.control or has_numbers(one) for one in status]
-    alarm = _ALARM / max(sum(judged) * len(LEVELS), 1)
-    rows = []
-    for j, item in enumerate(items):
-        errors = ErrorStatistics()
-        shares: tuple[Share, ...] = ()
-        if judged[j]:
-            errors = accuracy(error[:, j] * item.display, estimates.std[kept, j] * item.display)
-            shares = tuple(
-                held_share(held, len(error), level, alarm)
-                for level, held in zip(
-                    LEVELS,
-                    _held(np.abs(error[:, j]) / estimates.std[kept, j])
-                    if ranks is None
-                    else _held_by_ranks(ranks[kept, j]),
-                    strict=True,
-                )
-            )
-        rows.append(CoveredParameter(item.name, item.unit, status[j], *errors, coverage=shares))
-    agrees = all(share.agrees for row in rows for share in row.coverage)
-    return Estimator(
-        name=estimates.name,
-        words=estimates.words,
-        control=estimates.control,
-        agrees=agrees,
-        converged=int(kept.sum()),
-        sentence=_sentence(rows, agrees, estimates.control),
-        parameters=tuple(rows),
-    )
-
-
-def _held(off: Matrix) -> list[int]:
-    """How many intervals of each level hold the truth; `off` are the errors in standard uncertainties."""
-    return [int((off <= stats.norm.ppf((1 + level) / 2)).sum()) for level in LEVELS]
-
-
-def _held_by_ranks(ranks: Index) -> list[int]:
-    """The same for central intervals between draws, of which each level holds a whole number of ranks."""
-    cuts = [round((1 - level) / 2 * (DRAWS + 1)) for level in LEVELS]
-    return [int(((ranks >= cut) & (ranks <= DRAWS - cut)).sum()) for cut in cuts]
-
-
-def _sentence(rows: Sequence[CoveredParameter], agrees: bool, control: bool) -> str:
-    shares = [
-        (abs(share.share - _SENTENCE_LEVEL), row.name, share.share)
-        for row in rows
-        for share in row.coverage
-        if share.level == _SENTENCE_LEVEL
-    ]
-    if not shares:
-        return "All offsets are unidentifiable"
-    _, name, share = max(shares)
-    worst = f"95 % intervals hold the truth in {share:.1%} at the worst ({label(name)})"
-    on_this_plan = " on this plan" if control and agrees else ""
-    return f"{worst}: {agreement_words(agrees, control)}{on_this_plan}"
 
 
 def calibration(items: Sequence[Parameter], ranks: Index, false_alarm: float) -> RankCalibration:

@@ -125,13 +125,6 @@ class JudgedArm:
     found: bool
 
 
-@dataclass(frozen=True)
-class DriftPieceAnswer:
-    """The arms of a piece, judged."""
-
-    arms: tuple[JudgedArm, ...]
-
-
 def drift_study(
     arms: int, seed: int, progress: Progress, *, store: Path | None = None, processes: int | None = None
 ) -> DriftStudy:
@@ -180,14 +173,16 @@ def _judged(
     ]
     return [
         arm
-        for answer in each_piece(store, heading, DriftPieceAnswer, _answer_of, pieces, progress, processes)
-        for arm in answer.arms
+        for answer in each_piece(
+            store, heading, tuple[JudgedArm, ...], _answer_of, pieces, progress, processes
+        )
+        for arm in answer
     ]
 
 
-def _answer_of(piece: _Piece) -> DriftPieceAnswer:
+def _answer_of(piece: _Piece) -> tuple[JudgedArm, ...]:
     axis = _principal_axis(piece.covariance)
-    return DriftPieceAnswer(tuple(_judged_arm(piece, number, axis) for number in piece.numbers))
+    return tuple(_judged_arm(piece, number, axis) for number in piece.numbers)
 
 
 def _judged_arm(piece: _Piece, number: int, axis: Matrix) -> JudgedArm:

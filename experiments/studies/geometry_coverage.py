@@ -12,9 +12,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from scipy import stats
@@ -24,28 +24,26 @@ from ...analysis.observability.check import Check, check
 from ...analysis.observability.geometry_result import considered
 from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
-from ...analysis.status import Status, has_numbers, require_no_more_than
-from ...model.arrays import NORMAL_95, Mask, Matrix, Progress
+from ...analysis.status import has_numbers
+from ...model.arrays import Mask, Matrix, Progress
 from ...model.files.from_arrays import Probe
 from ...model.files.header import EXACT, Header
 from ...model.files.plan import Plan
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...model.records import it
-from ...words.wording import label, listed
+from ...words.wording import listed
 from ..plans.candidates import Planned, candidates
 from ..plans.optimal import Planner, Proposal
 from .answer import (
-    ErrorStatistics,
     JudgedEstimator,
     NoiseLevel,
-    ParameterWithShare,
+    ObservedParameter,
     PlanOfStudy,
     StudyAnswer,
-    accuracy,
-    agreement_words,
-    held_share,
+    all_agree,
+    observed,
+    worst_share,
 )
 from .cases import each_piece, heading_of
 from .data_sets import DataSets, drawn
@@ -70,11 +68,12 @@ _WORDS: dict[EstimatorName, str] = {
     "nominal": "control: nominal geometry, its uncertainty by the noise alone",
     "tolerances understated by 3": "control: geometry estimated, its tolerances stated as a third",
 }
+_CHECKED: dict[EstimatorName, str] = {"freed": "freed", "considered": "considered", "nominal": "noise_only"}
 _CONTROLS: tuple[EstimatorName, ...] = ("nominal", "tolerances understated by 3")
 
 
 @dataclass(frozen=True)
-class GeometryParameter(ParameterWithShare):
+class GeometryParameter(ObservedParameter):
     """An offset by one estimator over many arms.
 
     `z` is the root mean square of its errors in standard uncertainties, with the 95 % interval `z_low` to
@@ -95,14 +94,6 @@ class GeometryEstimator(JudgedEstimator):
     misfit: int
     parameters: tuple[GeometryParameter, ...]
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for row in () if self.control else self.parameters:
-            bounds = {"z_low": row.z_low, "z_high": row.z_high}
-            require_no_more_than(
-                f"{row.name} of {self.name}", row.status, z=row.z, checked_std=row.checked_std, **bounds
-            )
-
 
 @dataclass(frozen=True)
 class ToleranceLevel:
@@ -110,6 +101,9 @@ class ToleranceLevel:
 
     length_mm: float
     angle_deg: float
+
+
+TYPICAL, CLOSE = ToleranceLevel(0.3, 0.1), ToleranceLevel(0.1, 0.03)
 
 
 @dataclass(frozen=True)
@@ -158,18 +152,34 @@ class GeometryStudy(StudyAnswer):
     plans: tuple[GeometryPlan, ...]
 
 
-TYPICAL, CLOSE = ToleranceLevel(0.3, 0.1), ToleranceLevel(0.1, 0.03)
+class PlanCase(NamedTuple):
+    """A plan of the study: so many measurements of the laser, chosen for a geometry; or, without any, those
+    of the probe."""
+
+    measurements: int | None = None
+    chosen_for: ChosenFor | None = None
+    tolerance: ToleranceLevel = TYPICAL
+
+    @property
+    def name(self) -> str:
+        close = "" if self.tolerance == TYPICAL else ", close tolerances"
+        return "sockets" if self.measurements is None else f"{self.measurements}, {self.chosen_for}{close}"
+
+
+PLAN_CASES = (
+    *(PlanCase(count, geometry) for geometry in get_args(ChosenFor) for count in MEASUREMENTS),
+    *(PlanCase(count, "nominal", CLOSE) for count in CLOSE_MEASUREMENTS),
+    PlanCase(),
+)
 
 
 @dataclass(frozen=True, eq=False)
 class GeometryPlanStudied:
     """A plan with `geometry` in its header; `proposal` as `plan optimal` made it, None where it did not."""
 
-    name: str
+    case: PlanCase
     words: str
     plan: Plan
-    tolerance: ToleranceLevel
-    chosen_for: ChosenFor | None = None
     proposal: Proposal | None = None
 
 
@@ -183,45 +193,27 @@ def with_tolerance(header: Header, tolerance: ToleranceLevel | None) -> Header:
     return Header.model_validate(content)
 
 
-@lru_cache(maxsize=1)
-def studied_plans(seed: int, count: int = CANDIDATES) -> list[Callable[[], GeometryPlanStudied]]:
-    """Makers of the plans of the study: choosing the plans takes as long as the arms do.
-
-    The candidates of the last study are kept: every piece is one of its plans."""
-    nominal_header = laser_header(0.01, 0.05)
-    robot = robot_of(nominal_header)
-
-    @cache
-    def planner_for(chosen_for: ChosenFor) -> Planner:
-        return planner(
-            with_tolerance(nominal_header, TYPICAL if chosen_for == "freed" else None), count, seed
-        )
-
-    @cache
-    def proposed(measurements: int, chosen_for: ChosenFor) -> Proposal:
-        return planner_for(chosen_for).optimal(measurements, seed=seed)
-
-    def laser(measurements: int, chosen_for: ChosenFor, tolerance: ToleranceLevel) -> GeometryPlanStudied:
-        proposal = proposed(measurements, chosen_for)
-        close = "" if tolerance == TYPICAL else ", close tolerances"
-        header = with_tolerance(nominal_header, tolerance)
-        return GeometryPlanStudied(
-            f"{measurements}, {chosen_for}{close}",
-            f"laser, {measurements} A-optimal measurements of {count} postures, chosen for"
-            f" {'nominal' if chosen_for == 'nominal' else 'uncertain'} geometry",
-            _plan(header, robot, proposal.postures, ["psd"] * measurements),
-            tolerance,
-            chosen_for,
-            proposal,
-        )
-
-    chosen: tuple[ChosenFor, ...] = ("nominal", "freed")
-    cases = [(measurements, geometry, TYPICAL) for geometry in chosen for measurements in MEASUREMENTS]
-    cases += [(measurements, "nominal", CLOSE) for measurements in CLOSE_MEASUREMENTS]
-    return [*((lambda case=case: laser(*case)) for case in cases), lambda: _probe(seed)]
+@lru_cache(maxsize=2)  # the candidates are kept: every piece is one of the plans of a study
+def _planner(chosen_for: ChosenFor, seed: int, count: int) -> Planner:
+    tolerance = TYPICAL if chosen_for == "freed" else None
+    return planner(with_tolerance(laser_header(0.01, 0.05), tolerance), count, seed)
 
 
-def _probe(seed: int) -> GeometryPlanStudied:
+def studied_plan(case: PlanCase, seed: int, count: int = CANDIDATES) -> GeometryPlanStudied:
+    """A plan of the study, chosen among `count` candidates: that takes as long as its arms do."""
+    if case.measurements is None or case.chosen_for is None:
+        return _probe(case, seed)
+    proposal = _planner(case.chosen_for, seed, count).optimal(case.measurements, seed=seed)
+    header = with_tolerance(laser_header(0.01, 0.05), case.tolerance)
+    words = (
+        f"laser, {case.measurements} A-optimal measurements of {count} postures, chosen for"
+        f" {'nominal' if case.chosen_for == 'nominal' else 'uncertain'} geometry"
+    )
+    plan = _plan(header, robot_of(header), proposal.postures, ["psd"] * case.measurements)
+    return GeometryPlanStudied(case, words, plan, proposal)
+
+
+def _probe(case: PlanCase, seed: int) -> GeometryPlanStudied:
     """Pairs of sockets at a stated distance, each met from random postures; the tip is free."""
     targets, distances = {}, []
     for name, (x, y, z) in _PLACEMENTS.items():
@@ -247,10 +239,9 @@ def _probe(seed: int) -> GeometryPlanStudied:
         names += [name] * len(random_postures)
     with_distances = Header.model_validate({**content, "distances": distances})
     return GeometryPlanStudied(
-        "sockets",
+        case,
         f"probe with a free tip, {len(_PLACEMENTS)} pairs of sockets, {_PER_SOCKET} random postures at each",
-        _plan(with_tolerance(with_distances, TYPICAL), robot, np.concatenate(postures), names),
-        TYPICAL,
+        _plan(with_tolerance(with_distances, case.tolerance), robot, np.concatenate(postures), names),
     )
 
 
@@ -318,6 +309,7 @@ def geometry_study(
     progress: Progress,
     *,
     candidates: int = CANDIDATES,
+    cases: Sequence[PlanCase] = PLAN_CASES,
     store: Path | None = None,
     processes: int | None = None,
 ) -> GeometryStudy:
@@ -329,22 +321,15 @@ def geometry_study(
     """
     began = time.perf_counter()
     heading = heading_of("geometry", seed, arms=count, candidates=candidates)
-    pieces = [(k, count, seed, candidates) for k in range(len(studied_plans(seed, candidates)))]
-    answers = each_piece(store, heading, GeometryPlan, _piece, pieces, progress, processes)
+    pieces = [ArmsOfPlan(case, count, seed, candidates) for case in cases]
+    answers = each_piece(store, heading, GeometryPlan, answer_of, pieces, progress, processes)
     estimators = [estimator for answer in answers for estimator in answer.estimators]
     return GeometryStudy(
         study="geometry",
         title="Do the intervals hold if the arm deviates from nominal geometry?",
         headline=_headline(count, answers),
         agrees=all(estimator.agrees is not estimator.control for estimator in estimators),
-        settings=GeometrySettings(
-            arms=count,
-            seed=seed,
-            level=_LEVEL,
-            chance=_ALARM,
-            candidates=candidates,
-            offset_deg=_OFFSET_DEG,
-        ),
+        settings=GeometrySettings(count, seed, _LEVEL, _ALARM, candidates, _OFFSET_DEG),
         seconds=time.perf_counter() - began,
         plans=tuple(answers),
         notes=(
@@ -362,16 +347,22 @@ def geometry_study(
     )
 
 
-def _piece(job: tuple[int, int, int, int]) -> GeometryPlan:
-    k, count, seed, candidates = job
-    return answer_of(studied_plans(seed, candidates)[k](), count, seed)
+class ArmsOfPlan(NamedTuple):
+    """A piece: so many arms of a plan."""
+
+    case: PlanCase
+    arms: int
+    seed: int
+    candidates: int
 
 
-def answer_of(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
+def answer_of(piece: ArmsOfPlan) -> GeometryPlan:
     """One plan of the study."""
+    plan = studied_plan(piece.case, piece.seed, piece.candidates)
     problem = Problem.from_plan(plan.plan)
     checks = _checks(plan)
-    data = arms(problem, count, _OFFSET_DEG, np.random.default_rng([seed, *plan.name.encode()]))
+    rng = np.random.default_rng([piece.seed, *piece.case.name.encode()])
+    data = arms(problem, piece.arms, _OFFSET_DEG, rng)
     closer = problem.with_geometry(problem.geometry.scaled(1 / _UNDERSTATED, 1 / _UNDERSTATED))
     exact = Problem.from_plan(_exact(plan.plan))
     models: dict[EstimatorName, tuple[Problem, Weigh]] = {
@@ -381,13 +372,13 @@ def answer_of(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
         "tolerances understated by 3": (closer, _stated_std),
     }
     return GeometryPlan(
-        name=plan.name,
+        name=piece.case.name,
         words=plan.words,
-        chosen_for=plan.chosen_for,
+        chosen_for=piece.case.chosen_for,
         robot=problem.robot.name,
         shots=problem.shots,
         noise=NoiseLevel.of_problem(problem),
-        tolerance=plan.tolerance,
+        tolerance=piece.case.tolerance,
         arms=len(data.truths),
         failed=data.failed,
         efficiency=None if plan.proposal is None else plan.proposal.efficiency,
@@ -422,18 +413,24 @@ def _checked(with_key: Check, without: Check) -> Iterator[CheckedOffset]:
 def _estimator(
     name: EstimatorName, errors: ArmErrors, solved: Problem, checks: Sequence[CheckedOffset]
 ) -> GeometryEstimator:
-    status = identify(solved, solved.nominal()).status
     free = np.flatnonzero(solved.parameters.free & solved.parameters.group("offset"))
-    control = name in _CONTROLS
-    judged = [has_numbers(status[i]) for i in free]
-    alarm = _ALARM / max(sum(judged), 1)
-    rows = []
-    for j, (i, checked) in enumerate(zip(free, checks, strict=True)):
-        item = solved.parameters.items[i]
-        kept = errors.converged & np.isfinite(errors.std[:, j]) if judged[j] else np.zeros(0, dtype=bool)
-        rows.append(_parameter(name, item, status[i], errors, j, kept, checked, alarm))
-    agrees = all(share.agrees for row in rows for share in row.shares) and any(row.shares for row in rows)
+    items = [solved.parameters.items[i] for i in free]
+    nominal = identify(solved, solved.nominal()).status
+    status, control = [nominal[i] for i in free], name in _CONTROLS
+    known = [has_numbers(one) for one in status]
+    plain = observed(items, status, known, errors.error, errors.std, errors.converged, _ALARM)
+    of_check = _CHECKED.get(name, "")
+    rows = tuple(
+        GeometryParameter(**vars(row), **_z_of(errors, j), checked_std=getattr(checked, of_check, None))
+        if row.shares
+        else GeometryParameter(**vars(row))
+        for j, (row, checked) in enumerate(zip(plain, checks, strict=True))
+    )
+    agrees = all_agree(rows)
     converged, misfit = int(errors.converged.sum()), int(errors.misfit.sum())
+    zs = [row.z for row in rows if row.z is not None]
+    more = f", z {min(zs):.2f} to {max(zs):.2f}" if zs else ""
+    sentence = worst_share(rows, agrees, control, more=more)
     return GeometryEstimator(
         name=name,
         words=_WORDS[name],
@@ -441,54 +438,18 @@ def _estimator(
         agrees=agrees,
         converged=converged,
         misfit=misfit,
-        sentence=_sentence(rows, agrees, control, converged, misfit),
-        parameters=tuple(rows),
+        sentence=f"{sentence}. {misfit} of {converged} answers say misfit" if zs else sentence,
+        parameters=rows,
     )
 
 
-def _parameter(
-    name: EstimatorName,
-    item: Parameter,
-    status: Status,
-    errors: ArmErrors,
-    j: int,
-    kept: Mask,
-    checked: CheckedOffset,
-    alarm: float,
-) -> GeometryParameter:
-    if kept.sum() < 2:
-        return GeometryParameter(item.name, item.unit, status, *ErrorStatistics())
-    error, std = errors.error[kept, j], errors.std[kept, j]
-    off = np.abs(error) / std
+def _z_of(errors: ArmErrors, j: int) -> Any:
+    """The root mean square of the errors of an offset in standard uncertainties, with its 95 % interval."""
+    kept = errors.converged & np.isfinite(errors.std[:, j])
+    off = errors.error[kept, j] / errors.std[kept, j]
     squares, count = float((off**2).sum()), len(off)
     low, high = (float(np.sqrt(squares / stats.chi2.ppf(tail, count))) for tail in (0.975, 0.025))
-    predicted = {"freed": checked.freed, "considered": checked.considered, "nominal": checked.noise_only}
-    return GeometryParameter(
-        item.name,
-        item.unit,
-        status,
-        *accuracy(error, std),
-        coverage=held_share(int((off <= NORMAL_95).sum()), count, _LEVEL, alarm),
-        z=float(np.sqrt(squares / count)),
-        z_low=low,
-        z_high=high,
-        checked_std=predicted.get(name),
-    )
-
-
-def _sentence(
-    rows: Sequence[GeometryParameter], agrees: bool, control: bool, converged: int, misfit: int
-) -> str:
-    shares = [(row.name, row.coverage) for row in rows if row.coverage is not None]
-    zs = [row.z for row in rows if row.z is not None]
-    if not shares:
-        return "All offsets are unidentifiable"
-    name, worst = max(shares, key=lambda pair: abs(pair[1].share - _LEVEL))
-    text = (
-        f"{100 * _LEVEL:g} % intervals hold the truth in {100 * worst.share:.1f} % at the worst"
-        f" ({label(name)}), z {min(zs):.2f} to {max(zs):.2f}: "
-    )
-    return f"{text}{agreement_words(agrees, control)}. {misfit} of {converged} answers say misfit"
+    return {"z": float(np.sqrt(squares / count)), "z_low": low, "z_high": high}
 
 
 def _headline(count: int, plans: Sequence[GeometryPlan]) -> str:

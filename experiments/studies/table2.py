@@ -27,8 +27,8 @@ from ...model.records import it, record
 from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, CellFile
 from .answer import StudyAnswer
-from .campaign import Repeated, campaign, seeds_of
-from .cases import each_case, heading_of
+from .campaign import CellRun, Repeated, SeededRun, carried, seeds_of
+from .cases import each_piece, heading_of
 from .cell import CANDIDATES, optimal_plan, paper_plan
 from .laser_plans import MEASUREMENTS, laser_header
 
@@ -252,8 +252,8 @@ def table2_study(
     """Carry out the whole study.
 
     It agrees if three runs through the simulated cell, at the noise that explains the paper's scatter,
-    scatter as predicted: the paper's numbers are only compared. With a `store` the answer of
-    each plan is kept in that file at once, and a study that was stopped goes on from there.
+    scatter as predicted: the paper's numbers are only compared. With a `store` each run is kept in that file
+    at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
     header = laser_header(_NOMINAL_DEG, _SPOT_MM)
@@ -276,26 +276,21 @@ def table2_study(
     noises = [explained(p.covariance, scatter(EXPERIMENTS), dof) for p in predictions]
     cell = CellFile(arm=ArmInCell(offsets_deg=truth))
     normal = np.random.default_rng(seed).normal(size=(len(plans), triples, *EXPERIMENTS.shape))
-
-    def studied(k: int) -> Table2Plan:
-        name, words, plan = plans[k]
-        runs = campaign(
-            Repeated(_with_noise(plan, noises[k].joint_deg), cell),
-            seeds_of(seed, len(EXPERIMENTS)),
-            lambda share: progress(name, 0.1 + 0.9 * (k + 0.9 * share) / len(plans)),
-            processes,
-        )
-        estimates = np.array(
-            [
-                [offset.estimate for offset in run.state.offsets if offset.status != "held"]
-                for run in runs
-                if run.state is not None
-            ],
-            dtype=float,
-        )
-        return compared(name, words, len(plan.postures), predictions[k], noises[k], estimates, normal[k])
-
-    answers = each_case(store, heading_of("table2", seed, triples=triples), Table2Plan, len(plans), studied)
+    pieces = [
+        SeededRun(Repeated(_with_noise(plan, noise.joint_deg), cell), one)
+        for (_, _, plan), noise in zip(plans, noises, strict=True)
+        for one in seeds_of(seed, len(EXPERIMENTS))
+    ]
+    heading = heading_of("table2", seed, triples=triples)
+    runs = each_piece(store, heading, CellRun, carried, pieces, progress, processes, called="run")
+    answers = []
+    for k, (name, words, plan) in enumerate(plans):
+        of_plan = runs[k * len(EXPERIMENTS) : (k + 1) * len(EXPERIMENTS)]
+        estimates_of_runs = [run.estimates.offsets for run in of_plan if run.estimates is not None]
+        whole = [one for one in estimates_of_runs if set(one) == set(OFFSETS)]
+        estimates = np.array([[one[offset][0] for offset in OFFSETS] for one in whole])
+        count = len(plan.postures)
+        answers.append(compared(name, words, count, predictions[k], noises[k], estimates, normal[k]))
     agrees = all(answer.agrees for answer in answers)
     return Table2Study(
         study="table2",

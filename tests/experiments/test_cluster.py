@@ -19,7 +19,7 @@ from zerobeam.experiments.cluster import about, cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side, worked
 from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.experiments.studies.drift_coverage import drift_study
-from zerobeam.experiments.studies.geometry_coverage import _piece
+from zerobeam.experiments.studies.geometry_coverage import PLAN_CASES, ArmsOfPlan, answer_of
 from zerobeam.model.errors import BadInput, WorkersLost
 from zerobeam.model.records import to_json
 
@@ -232,16 +232,16 @@ def test_a_study_has_the_same_bytes_by_a_scheduler_elsewhere(tmp_path, plans, ex
 
 @pytest.mark.long
 def test_the_studies_of_drift_and_geometry_have_the_same_bytes_on_workers(tmp_path):
-    pieces = [(k, 20, 0, 300) for k in (0, 10)]  # plan, arms, seed, candidates
+    pieces = [ArmsOfPlan(case, 20, 0, 300) for case in (PLAN_CASES[0], PLAN_CASES[-1])]
 
     def answered(name, **how):
         answer = to_json(drift_study(12, 0, lambda *_: None, store=tmp_path / name, **how))
         answer.pop("seconds")
         return json.dumps(answer), sorted((tmp_path / name).read_text().splitlines())
 
-    own = answered("own", processes=2), {k: worked(_piece, piece) for k, piece in enumerate(pieces)}
+    own = answered("own", processes=2), {k: worked(answer_of, piece) for k, piece in enumerate(pieces)}
     with cluster(workers=2):
-        assert (answered("on"), answers(_piece, pieces)) == own
+        assert (answered("on"), answers(answer_of, pieces)) == own
 
 
 @pytest.mark.long

@@ -8,65 +8,60 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from cells import good_plan
 from child import DEAF, child
 
-from zerobeam.analysis.solution import Solution
 from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, CellFile, PlacedPsd, PsdInCell, RobotStop
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
-from zerobeam.experiments.studies.campaign import CellRun, Repeated, campaign, carried, seeds_of
+from zerobeam.experiments.studies.campaign import CellRun, Repeated, SeededRun, carried, seeds_of
+from zerobeam.experiments.studies.cases import each_piece
+from zerobeam.model.records import read, to_json
 
 PLAN = good_plan(5)
 BLIND = CellFile(camera=None)
 WORK = Repeated(PLAN, BLIND)
 
 
-def silent(share: float) -> None:
-    pass
-
-
-def without_time(run: CellRun) -> tuple[Any, ...]:
+def without_time(run: CellRun) -> CellRun:
     """All of a run but the time that it took the computer."""
-    assert isinstance(run.state, Solution)
-    return (run.seed, run.truth, run.shots, run.refused, run.seconds, run.failure, run.state.offsets)
+    assert run.estimates is not None
+    return replace(run, computing=0.0)
 
 
 @pytest.mark.long
 def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
     seeds, shares = seeds_of(1, 4), list[float]()
-    work = Repeated(good_plan(6), BLIND, tolerance=0.05)
-    one = campaign(work, seeds, shares.append, processes=1)
-    two = campaign(work, seeds, silent, processes=2)
+    pieces = [SeededRun(Repeated(good_plan(6), BLIND, tolerance=0.05), seed) for seed in seeds]
+    one, two = (
+        each_piece(None, {}, CellRun, carried, pieces, lambda _, share: shares.append(share), processes)
+        for processes in (1, 2)
+    )
     assert [without_time(run) for run in one] == [without_time(run) for run in two]
     assert [run.seed for run in two] == list(seeds)
-    np.testing.assert_allclose(shares, np.arange(1, 5) / 4)
+    np.testing.assert_allclose(shares, [*np.arange(5) / 4] * 2)
 
 
 @pytest.mark.long
 def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
-    first, again, other = (carried(WORK, seed) for seed in (3, 3, 4))
+    first, again, other = (carried(SeededRun(WORK, seed)) for seed in (3, 3, 4))
     assert without_time(first) == without_time(again)
     assert first.truth["delta2"] != other.truth["delta2"]
-    assert first.shots[0].joints_deg != other.shots[0].joints_deg
-    assert first.state is not None
-    assert other.state is not None
-    places = [state.fit.x[PLAN.robot.n : PLAN.robot.n + 3] for state in (first.state, other.state)]
-    assert np.abs(places[0] - places[1]).max() > 1.0  # they stand 20 mm about the guess
     # With the same offsets stated, the noise is still another.
     same = Repeated(PLAN, BLIND.model_copy(update={"arm": ArmInCell(offsets_deg={"delta2": 0.5})}))
-    third, fourth = carried(same, 3), carried(same, 4)
+    third, fourth = carried(SeededRun(same, 3)), carried(SeededRun(same, 4))
     assert third.truth == fourth.truth
-    assert third.shots != fourth.shots
+    assert third.estimates != fourth.estimates
 
 
 def test_the_truth_is_that_of_the_rig() -> None:
     provenance = SimulatedRig(PLAN, BLIND, 3).provenance()
-    assert carried(WORK, 3).truth == {f"delta{i}": provenance[f"true delta{i} (deg)"] for i in range(1, 7)}
+    truth = {f"delta{i}": provenance[f"true delta{i} (deg)"] for i in range(1, 7)}
+    assert carried(SeededRun(WORK, 3)).truth == truth
 
 
 def test_the_first_seeds_of_many_are_those_of_fewer() -> None:
@@ -74,15 +69,17 @@ def test_the_first_seeds_of_many_are_those_of_fewer() -> None:
     assert len(set(seeds_of(0, 200)) | set(seeds_of(1, 200))) == 400
 
 
-def test_what_a_run_came_to() -> None:
-    run = carried(WORK, 5)
-    assert run.failure is None
-    assert [shot.shot for shot in run.shots] == list(range(5))
+def test_what_a_run_came_to_and_what_is_kept_of_it() -> None:
+    run = carried(SeededRun(replace(WORK, halved=True), 5))
+    assert (run.failure, run.used, run.refused) == (None, 5, 0)
     assert list(run.seconds) == ["move", "search", "servo", "settle"]
-    assert sum(run.seconds.values()) == pytest.approx(run.shots[-1].time_s, abs=1e-3)
-    for offset in run.state.offsets:
-        if offset.estimate is not None and offset.std is not None:
-            assert abs(offset.estimate - run.truth[offset.name]) < 5 * offset.std
+    assert run.estimates is not None
+    assert run.of_half.estimates is not None
+    assert list(run.estimates.offsets) == [f"delta{i}" for i in range(2, 7)]
+    for name, (estimate, std) in run.estimates.offsets.items():
+        assert abs(estimate - run.truth[name]) < 5 * std
+        assert run.of_half.estimates.offsets[name][1] == pytest.approx(std / 2, rel=0.2)
+    assert read(CellRun, to_json(run)) == run
 
 
 def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
@@ -90,27 +87,30 @@ def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
     stops = BLIND.model_copy(update={"faults": (RobotStop(kind="robot-stop", shot=2),)})
     away = PsdInCell(placed={"psd": PlacedPsd(centre_mm=(-3000.0, 0.0, 5000.0))})
     works = [Repeated(PLAN, stops), Repeated(PLAN, BLIND.model_copy(update={"psd": away})), WORK]
-    stopped, refused, good = (carried(work, 1) for work in works)
-    assert stopped.state is None
+    stopped, refused, good = (carried(SeededRun(work, 1)) for work in works)
+    assert stopped.estimates is None
     assert "stop" in stopped.failure
-    assert [shot.shot for shot in stopped.shots] == [0, 1]
+    assert stopped.used == 2
     assert stopped.truth["delta2"] != 0
     assert "out of view" in refused.failure
-    assert (refused.shots, refused.state) == ((), None)
-    assert good.state is not None
+    assert (refused.used, refused.estimates) == (0, None)
+    assert good.estimates is not None
 
 
 SCRIPT = """
 from cells import good_plan
 from zerobeam.interruption import stoppable
-from zerobeam.experiments.studies.campaign import Repeated, campaign, seeds_of
+from zerobeam.experiments.studies.campaign import CellRun, Repeated, SeededRun, carried, seeds_of
+from zerobeam.experiments.studies.cases import each_piece
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 
 if __name__ == "__main__":
     try:
         with stoppable():
             work = Repeated(good_plan(5), CellFile(camera=None))
-            campaign(work, seeds_of(0, 10_000), lambda share: print(share, flush=True), processes=2)
+            pieces = [SeededRun(work, seed) for seed in seeds_of(0, 10_000)]
+            tell = lambda name, share: print(share, flush=True) if share else None
+            each_piece(None, {}, CellRun, carried, pieces, tell, 2)
     except KeyboardInterrupt:
         print("interrupted", flush=True)
 """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -14,10 +13,9 @@ import pytest
 from plain_json import plain
 from scipy import stats
 
-from zerobeam.analysis.solution import Solution
 from zerobeam.experiments.studies import cell as module
 from zerobeam.experiments.studies.answer import accuracy, held_share, share_interval
-from zerobeam.experiments.studies.campaign import CellRun, carried, seeds_of
+from zerobeam.experiments.studies.campaign import CellRun, RunEstimates, SeededRun, carried, seeds_of
 from zerobeam.experiments.studies.cell import CellPlanStudied, cell_study, studied_plans
 from zerobeam.model.records import to_json
 
@@ -42,37 +40,25 @@ def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
 
 @pytest.fixture(scope="module")
 def run() -> CellRun:
-    return carried(plans()["optimal"].repeated, seeds_of(0, 1)[0])
+    return carried(SeededRun(plans()["optimal"].repeated, seeds_of(0, 1)[0]))
 
 
-def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[Solution]:
-    """What `count` runs would say whose errors are `wider` than their stds."""
-    rng = np.random.default_rng(seed)
-    assert run.state is not None
-    states = []
+def made(run: CellRun, count: int, wider: float = 1.0, without: Sequence[str] = ()) -> list[CellRun]:
+    """What `count` runs would say whose errors are `wider` than their stds, without some offsets."""
+    rng, runs = np.random.default_rng(0), []
+    assert run.estimates is not None
     for _ in range(count):
-        offsets = [
-            offset
-            if offset.std is None
-            else replace(offset, estimate=run.truth[offset.name] + wider * offset.std * float(rng.normal()))
-            for offset in run.state.offsets
-        ]
-        states.append(with_offsets(run.state, offsets))
-    return states
+        offsets = {
+            name: (run.truth[name] + wider * std * float(rng.normal()), std)
+            for name, (_, std) in run.estimates.offsets.items()
+        }
+        kept = {name: pair for name, pair in offsets.items() if name not in without}
+        runs.append(replace(run, estimates=RunEstimates(kept, False)))
+    return runs
 
 
-def with_offsets(state: Solution, offsets: Sequence[Any]) -> Solution:
-    changed = copy(state)
-    vars(changed)["offsets"] = tuple(offsets)
-    return changed
-
-
-def unidentifiable(offset: Any) -> Any:
-    return replace(offset, status="unidentifiable", estimate=None, std=None, interval95=None)
-
-
-def judged(plan: CellPlanStudied, run: CellRun, states: Sequence[Solution | None]) -> dict[str, Any]:
-    return plain(module.judged(plan, [run] * len(states), states))
+def judged(plan: CellPlanStudied, runs: Sequence[CellRun]) -> dict[str, Any]:
+    return plain(module.judged(plan, runs))
 
 
 def test_the_structure(study: tuple[dict[str, Any], list[tuple[str, float]]]) -> None:
@@ -124,7 +110,7 @@ def test_the_control_judges_the_same_runs_by_half_the_noise(
 def test_right_stds_agree_and_stds_too_small_do_not(run: CellRun) -> None:
     """By 2: 1.96 stds are 0.98, which hold two thirds; of 200 that is 20 standard errors off."""
     plan = plans()["optimal"]
-    right, wrong = judged(plan, run, made(run, 200)), judged(plan, run, made(run, 200, wider=2.0))
+    right, wrong = judged(plan, made(run, 200)), judged(plan, made(run, 200, wider=2.0))
     assert right["agrees"]
     assert right["sentence"].endswith("as stated")
     assert not wrong["agrees"]
@@ -133,29 +119,20 @@ def test_right_stds_agree_and_stds_too_small_do_not(run: CellRun) -> None:
         share = row["coverage"]["share"]
         assert share == pytest.approx(2 * stats.norm.cdf(0.98) - 1, abs=4 * np.sqrt(0.67 * 0.33 / 200))
         assert row["rmse"] == pytest.approx(2 * row["predicted_std"], rel=4 / np.sqrt(2 * 200))
-    control = judged(replace(plan, control=True), run, made(run, 200, wider=2.0))
+    control = judged(replace(plan, control=True), made(run, 200, wider=2.0))
     assert "detected as wrong" in control["sentence"]
 
 
 def test_a_run_counts_where_it_tells_the_offset_itself(run: CellRun) -> None:
-    states = [
-        with_offsets(
-            state, [unidentifiable(o) if o.name == "delta3" and k < 10 else o for o in state.offsets]
-        )
-        for k, state in enumerate(made(run, 30))
-    ]
-    plan_answer = judged(plans()["optimal"], run, states)
+    runs = [*made(run, 10, without=["delta3"]), *made(run, 20)]
+    plan_answer = judged(plans()["optimal"], runs)
     of = {row["name"]: row["coverage"]["of"] for row in plan_answer["parameters"]}
     assert of == {"delta2": 30, "delta3": 20, "delta4": 30, "delta5": 30, "delta6": 30}
     assert "Unidentifiable, so without an interval: J3 (δ3) in 10 runs" in plan_answer["sentence"]
 
 
 def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
-    silent = [
-        with_offsets(state, [offset if offset.held else unidentifiable(offset) for offset in state.offsets])
-        for state in made(run, 3)
-    ]
-    plan_answer = judged(plans()["optimal"], run, silent)
+    plan_answer = judged(plans()["optimal"], made(run, 3, without=[f"delta{i}" for i in range(1, 7)]))
     assert not plan_answer["agrees"]
     assert all(
         row[key] is None
@@ -165,12 +142,11 @@ def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
 
 
 def test_runs_without_a_result_are_counted_and_have_no_interval(run: CellRun) -> None:
-    failed = replace(run, state=None, failure="the motors are off")
-    runs = [failed, *[run] * 3]
-    plan_answer = plain(module.judged(plans()["optimal"], runs, [None, *made(run, 3)]))
+    failed = replace(run, estimates=None, failure="the motors are off")
+    plan_answer = judged(plans()["optimal"], [failed, *made(run, 3)])
     assert (plan_answer["failed"], plan_answer["failures"]) == (1, ["the motors are off"])
     assert all(row["coverage"]["of"] == 3 for row in plan_answer["parameters"])
-    nothing = plain(module.judged(plans()["optimal"], [failed], [None]))
+    nothing = judged(plans()["optimal"], [failed])
     assert (nothing["within_limit"], nothing["shots_used"]["mean"], nothing["agrees"]) == (None, None, False)
     assert nothing["seconds"]["total"] == {"mean": None, "max": None}
 

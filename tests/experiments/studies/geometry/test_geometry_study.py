@@ -15,17 +15,20 @@ from scipy import stats
 from zerobeam.experiments.studies import coverage
 from zerobeam.experiments.studies import geometry_coverage as module
 from zerobeam.experiments.studies.geometry_coverage import (
+    CANDIDATES,
     CLOSE,
     CLOSE_MEASUREMENTS,
     MEASUREMENTS,
+    PLAN_CASES,
     TYPICAL,
+    ArmsOfPlan,
     GeometryEstimator,
     GeometryPlan,
-    GeometryPlanStudied,
     GeometryStudy,
+    PlanCase,
     answer_of,
     geometry_study,
-    studied_plans,
+    studied_plan,
     with_tolerance,
 )
 from zerobeam.model.likelihood.problem import Problem
@@ -35,16 +38,13 @@ from zerobeam.words import numbers
 FEW_ARMS, ARMS, LONG_ARMS = 3, 40, 1000
 FEW_CANDIDATES = 400
 ALARM = 1e-4  # of one test of one offset
-SEVEN, TWELVE, PROBE = 0, 1, -1  # places of plans among those of the study
+SEVEN, TWELVE = (PlanCase(count, "nominal") for count in (7, 12))
 
 
-def study_of(count: int, *which: int, store: Path | None = None) -> GeometryStudy:
+def study_of(count: int, *which: PlanCase, store: Path | None = None) -> GeometryStudy:
     """The study of some of its plans, chosen of few candidates."""
-    every = studied_plans(0, FEW_CANDIDATES)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "studied_plans", lambda seed, candidates: [every[k] for k in which])
-        few = {"candidates": FEW_CANDIDATES, "store": store, "processes": 1}  # others have no patch
-        return geometry_study(count, 0, lambda name, share: None, **few)
+    few = {"candidates": FEW_CANDIDATES, "cases": which, "store": store, "processes": 1}
+    return geometry_study(count, 0, lambda name, share: None, **few)
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +116,11 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     store = tmp_path / "cases.jsonl"
     made: list[str] = []
 
-    def once(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
-        made.append(plan.name)
+    def once(piece: ArmsOfPlan) -> GeometryPlan:
+        made.append(piece.case.name)
         if len(made) == 2:
             raise KeyboardInterrupt
-        return answer_of(plan, count, seed)
+        return answer_of(piece)
 
     monkeypatch.setattr(module, "answer_of", once)
     with pytest.raises(KeyboardInterrupt):
@@ -131,7 +131,7 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_the_arms_deviate_by_their_tolerances_and_no_less() -> None:
-    plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]()
+    plan = studied_plan(TWELVE, 0, FEW_CANDIDATES)
     problem = Problem.from_plan(plan.plan)
     parameters = problem.parameters
     data = module.arms(problem, 300, 1.0, np.random.default_rng(1))
@@ -146,8 +146,8 @@ def test_the_arms_deviate_by_their_tolerances_and_no_less() -> None:
 
 
 def test_a_header_gets_tolerances_and_loses_them() -> None:
-    plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]()
-    assert plan.tolerance == TYPICAL
+    plan = studied_plan(TWELVE, 0, FEW_CANDIDATES)
+    assert plan.case.tolerance == TYPICAL
     assert with_tolerance(plan.plan.header, None).geometry == "exact"
     close = with_tolerance(plan.plan.header, CLOSE).geometry
     assert (close.tolerance.length_mm, close.tolerance.angle_deg) == (0.1, 0.03)
@@ -156,9 +156,9 @@ def test_a_header_gets_tolerances_and_loses_them() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("which", [SEVEN, TWELVE])
-def test_a_thousand_arms_scatter_within_a_tenth_of_what_check_says(which: int) -> None:
+def test_a_thousand_arms_scatter_within_a_tenth_of_what_check_says(which: PlanCase) -> None:
     """One relative standard error of a root mean square of a thousand is 2.2 %."""
-    estimators = by_name(answer_of(studied_plans(0)[which](), LONG_ARMS, 0))
+    estimators = by_name(answer_of(ArmsOfPlan(which, LONG_ARMS, 0, CANDIDATES)))
     for name in ("freed", "considered"):
         for row in estimators[name].parameters:
             assert row.rmse == pytest.approx(row.checked_std, rel=0.1)
@@ -185,7 +185,7 @@ def test_the_whole_study_agrees() -> None:
 
 @pytest.mark.long
 def test_the_coverage_study_runs_and_holds_for_a_header_with_geometry() -> None:
-    plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]().plan
+    plan = studied_plan(TWELVE, 0, FEW_CANDIDATES).plan
     targets = {"psd": plan.header.targets["psd"].model_copy(update={"sigma_mm": 30.0})}
     near = dataclasses.replace(plan, header=plan.header.model_copy(update={"targets": targets}))
     studied = coverage.StudiedPlan("geometry", "12 measurements", Problem.from_plan(near))
@@ -208,22 +208,23 @@ def test_the_table_of_the_docs_is_what_check_says() -> None:
             r"^\| (\d+, (?:nominal|freed)(?:, close tolerances)?) \| (.*) \|$", text, flags=re.MULTILINE
         )
     )
-    plans = [make() for make in studied_plans(0)[:PROBE]]
-    assert list(rows) == [plan.name for plan in plans]
+    plans = [studied_plan(case, 0) for case in PLAN_CASES[:-1]]
+    assert list(rows) == [plan.case.name for plan in plans]
     for plan in plans:
         checks = [row for row in module._checks(plan) if row.name != "delta6"]
         ranges = []
         for kind in ("noise_only", "considered", "freed"):
             values = [getattr(row, kind) for row in checks]
             ranges.append(f"{numbers.spread(min(values))}–{numbers.spread(max(values))}")
-        tolerances = f"{plan.tolerance.length_mm:g} mm, {plan.tolerance.angle_deg:g}°"
+        level = plan.case.tolerance
+        tolerances = f"{level.length_mm:g} mm, {level.angle_deg:g}°"
         certified = f"{100 * plan.proposal.efficiency:.0f} %"
-        assert rows[plan.name].split(" | ") == [tolerances, *ranges, certified], plan.name
+        assert rows[plan.case.name].split(" | ") == [tolerances, *ranges, certified]
 
 
 def test_tolerances_are_those_of_the_header_whatever_was_made_before() -> None:
     """The functions of an arm are made once for all tolerances; the tolerances must not be."""
-    plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]().plan
+    plan = studied_plan(TWELVE, 0, FEW_CANDIDATES).plan
     for level in (TYPICAL, CLOSE, TYPICAL):
         with_level = dataclasses.replace(plan, header=with_tolerance(plan.header, level))
         problem = Problem.from_plan(with_level)
