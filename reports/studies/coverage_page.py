@@ -189,8 +189,7 @@ def _panel(level: float, runs: int) -> Across:
     step *= max(factor for factor in (1, 2, 5) if factor * step <= 90 * half)
     ticks = [tick for tick in (100 * level - step, 100 * level, 100 * level + step) if 0 <= tick <= 100]
     low, high = 100 * max(level - half, 0.0), 100 * min(level + half, 1.0)
-    margin = 0.04 * (high - low)
-    scale = Scale(ends=(low - margin, high + margin), ticks=ticks)
+    scale = Scale(ends=(low, high), ticks=ticks)
     return Across("share that holds, %", scale, [100 * level], blocks.percent(level))
 
 

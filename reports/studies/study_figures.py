@@ -81,11 +81,12 @@ class MarkRow:
 
 @dataclass(frozen=True)
 class Scale:
-    """A scale: logarithmic or not, its ends and ticks where they are stated."""
+    """A scale: logarithmic or not, its ends, its ticks and their names where they are stated."""
 
     log: bool = False
     ends: tuple[float, float] | None = None
     ticks: Sequence[float] = ()
+    names: Sequence[str] = ()
 
     def of(self, values: Iterable[float]) -> tuple[float, float]:
         """Its ends for these values: somewhat beyond them, unless they are stated."""
@@ -108,6 +109,10 @@ class Scale:
         if self.ticks:
             axis.set_ticks(self.ticks)
         axis.set_major_formatter(plain)
+        if self.names:
+            axis.set_ticks(
+                self.ticks, list(map(in_font, self.names)), rotation=90 if len(self.names) > 4 else 0
+            )
         return ends
 
 
@@ -213,12 +218,12 @@ def _draw_mark(axes: Axes, y: float, one: Dot, ends: tuple[float, float], letter
     begin = one.high if one.high is not None else at
     if not ends[0] <= at <= ends[1]:
         begin = at = ends[at > ends[1]]
-        look |= {"marker": "<" if at == ends[0] else ">", "markersize": 4.6, "clip_on": False}
+        look |= {"marker": "<" if at == ends[0] else ">", "markersize": 4.6}
         gap, words, colour = 5 if at == ends[0] else -5, one.beyond, light(one.look.role)
     elif one.low is not None and one.high is not None:
         interval = [max(ends[0], one.low), min(ends[1], one.high)]
         axes.plot(interval, [y, y], "-", linewidth=one.look.width, color=light(one.look.role), zorder=2.3)
-    axes.plot([at], [y], zorder=2.4, **look)
+    axes.plot([at], [y], zorder=2.4, clip_on=False, **look)
     if words:
         where: Any = {"xytext": (gap, 0), "textcoords": "offset points", "va": "center_baseline"}
         side = "left" if gap > 0 else "right"

@@ -29,20 +29,16 @@ from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
 from .study_blocks import NOT_DETERMINED
 from .study_figures import (
-    Across,
     Curve,
     CurvePanel,
-    Dot,
     Entries,
     Look,
-    MarkRow,
     Scale,
     Stretch,
     curves_picture,
     hatch,
     legend_above,
     log_ends,
-    rows_picture,
     write_gap,
 )
 
@@ -63,10 +59,9 @@ FITS: dict[Fit, Look] = {
     "likelihood": Look(role="ink", size=3.4),
     "midpoint": Look(role="muted", shape="s", filled=False, size=3.8),
 }
-_PREDICTED = Look(shape="|", size=8, stroke="")
 _MOST_MAPPED = 3  # axes of numbers
 _LONGEST_VALUE, _LONGEST_UNIT = 24, 12
-_MOST_DOTS, _MOST_PAGES = 40, 4  # rows of a figure of dots, and how many of those there are
+_MOST_WORDS = 30  # ticks of an axis of words
 _MOST_SERIES, _MOST_PARAMETERS, _MOST_PANELS = 4, 15, 9
 _LOG_FROM = 5.0  # ratio of the largest value of an axis to the smallest
 
@@ -76,19 +71,17 @@ GridPoint = tuple[tuple[GridAxis, int], ...]  # some of the axes, each with the 
 # ── a grid of settings in words ───────────────────────────────────────────────────────────────
 
 
-def form_of(study: GridStudy) -> Literal["dots", "lines", "map", "axes"]:
-    """The form of the figure: no axis of numbers, dots; one, lines; two or three, a map; more, a panel for
+def form_of(study: GridStudy) -> Literal["lines", "map", "axes"]:
+    """The form of the figure: one axis of numbers at most, lines; two or three, a map; more, a panel for
     each axis."""
     count = sum(axis.numeric is not None for axis in study.axes)
-    return "dots" if count == 0 else "lines" if count == 1 else "map" if count <= _MOST_MAPPED else "axes"
+    return "lines" if count <= 1 else "map" if count <= _MOST_MAPPED else "axes"
 
 
 def figure_names(study: GridStudy) -> list[str]:
     """Names of the figures in their order; a map, and panels of axes, have a second one for the observed
     errors."""
     form = form_of(study)
-    if form == "dots":
-        return [f"dots_{number}" for number, _ in enumerate(dot_pages(study), start=1)]
     return [form, "ratio"] if form in ("map", "axes") and study.has("likelihood") else [form]
 
 
@@ -180,8 +173,6 @@ def gap(case: GridCase, one: CaseParameter | None) -> str:
 def sweep_pictures(study: GridStudy) -> list[Picture | None]:
     """Their form follows from the axes."""
     form = form_of(study)
-    if form == "dots":
-        return [*_dots_pictures(study)]
     if form == "lines":
         return [_lines_picture(study)]
     return [_map_picture(study) if form == "map" else axes_picture(study), _ratio_picture(study)]
@@ -196,72 +187,12 @@ def _with_tolerance(study: GridStudy, every: Iterable[CaseParameter]) -> tuple[f
     return log_ends(values)
 
 
-# ── words alone: rows are the parameters of each case ─────────────────────────────────────────
-
-
-def dot_pages(study: GridStudy) -> list[list[GridCase]]:
-    """The cases of each figure of dots: as many as fit, one value of the first axis kept together."""
-    pages: list[list[GridCase]] = []
-    for _, group in itertools.groupby(study.cases, key=lambda case: case.at[:1]):
-        cases = list(group)
-        together = len(study.axes) > 1 and _rows_of(cases) <= _MOST_DOTS
-        for part in [cases] if together else [[one] for one in cases]:
-            if not pages or _rows_of(pages[-1]) + _rows_of(part) > _MOST_DOTS:
-                pages.append([])
-            pages[-1] += part
-    return pages[:_MOST_PAGES]
-
-
-def _rows_of(cases: list[GridCase]) -> int:
-    return sum(1 + len(case.parameters) for case in cases)
-
-
-def _dots_pictures(study: GridStudy) -> list[Picture]:
-    """Each case is headed by its name and verdict; as many figures as it takes."""
-    pages = dot_pages(study)
-    drawn, total = sum(map(len, pages)), len(study.cases)
-    cut = f"; {drawn} of {total} cases shown, all in offsets.csv" if drawn < total else ""
-    return [
-        _dots_picture(study, cases, f"dots_{number}", cut if number == len(pages) else "")
-        for number, cases in enumerate(pages, start=1)
-    ]
-
-
-def _dots_picture(study: GridStudy, cases: list[GridCase], name: str, cut: str) -> Picture:
-    rows, texts = [], []
-    for case in cases:
-        mark, words = STANDING[case.verdict]
-        title, role = case_name(study, case), "ink" if mark == "identified" else mark
-        rows.append(MarkRow(f"{title}: {words}", head=True, role=role))
-        for one in case.parameters:
-            marks = [Dot(one.std, look=_PREDICTED)] if one.std is not None else []
-            for fit, look in FITS.items():
-                if errors := one.errors(fit):
-                    low, high = rmse_interval(errors)
-                    marks.append(Dot(errors.rmse, low, high, look))
-            rows.append(MarkRow(label(one.name, 12), [marks], gap(case, one), tolerance(study, one)))
-        offsets = [
-            f"{label(one.name)} {gap(case, one) or numbers.spread(one.std or 0, shown_unit(one))}"
-            for one in case.parameters
-            if not one.has_numbers or one.std
-        ]
-        texts.append(f"{title}: {', '.join([words, *offsets])}")
-    every = [one for case in cases for one in case.parameters]
-    fits = [(look, f"RMSE of the {fit} fit, 95 %") for fit, look in FITS.items() if study.has(fit)]
-    gaps = {row.gap for row in rows}
-    legend = [(_PREDICTED, "predicted u"), *fits, *_other_entries(study, every, gaps)]
-    scale = Scale(log=True, ends=_with_tolerance(study, every))
-    across = Across(f"{UNCERTAINTY} u, {unit_signs(every) or '°'}", scale)
-    title = f"Predicted {UNCERTAINTY} u of each parameter and errors of simulated runs{cut}"
-    alt = f"Predicted {UNCERTAINTY} u. {'; '.join(texts)}."
-    return rows_picture(name, title, alt, rows, [across], legend)
-
-
-# ── one axis of numbers: a panel for each parameter and series ────────────────────────────────
+# ── one axis of numbers, or words alone: a panel for each parameter and series ────────────────
 
 
 def _lines_picture(study: GridStudy) -> Picture | None:
-    """A panel for each parameter and, where there are more axes, for each of their values: a series.
+    """A panel for each parameter along the axis of numbers, or else along the longest of words; where there
+    are more axes, for each of their values: a series.
 
     Where a case does not identify the parameter the line has a gap, a hatched band with the words. None where
     no case identifies any parameter.
@@ -269,11 +200,14 @@ def _lines_picture(study: GridStudy) -> Picture | None:
     every = {one.name: one for one in study.parameters}
     if not any(one.has_numbers for one in study.parameters):
         return None
-    (along,) = (i for i, axis in enumerate(study.axes) if axis.numeric is not None)
+    along = max(
+        range(len(study.axes)), key=lambda i: (study.axes[i].numeric is not None, len(study.axes[i].values))
+    )
     axis, every_series = study.axes[along], by_point(study, {along})
     series, parameters = every_series[:_MOST_SERIES], list(every.values())[:_MOST_PARAMETERS]
-    values = sorted(axis.numeric or ())
-    log = values[0] > 0 and values[-1] >= _LOG_FROM * values[0]
+    order, words_alone = _order(axis), axis.numeric is None
+    values = [float(k if axis.numeric is None else axis.numeric[at]) for k, at in enumerate(order)]
+    log = not words_alone and values[0] > 0 and values[-1] >= _LOG_FROM * values[0]
     edges, single = _edges(values, log), len(series) == 1
     wide = (2 if len(parameters) <= 6 else 3) if single else len(series)
     scales = {
@@ -282,13 +216,13 @@ def _lines_picture(study: GridStudy) -> Picture | None:
     }
     signs, panels, texts = unit_signs(every.values()), [], dict[str, list[str]]()
     for k, (one, (point, cases)) in enumerate(itertools.product(parameters, series)):
-        cases = sorted(cases, key=lambda case: (axis.numeric or ())[case.at[along]])
+        cases = sorted(cases, key=lambda case: order.index(case.at[along]))
         rows = [next((row for row in case.parameters if row.name == one.name), None) for case in cases]
         words = [gap(case, row) for case, row in zip(cases, rows, strict=True)]
         # With more than one unit each parameter says its own.
         name = label(one.name, 14) + (f", {unit_signs([one])}" if "," in signs else "")
         panel = CurvePanel(
-            _curves_of(values, rows),
+            _curves_of(values, rows, "" if words_alone else "-"),
             scales[one.unit],
             title=name if single else "",
             head="" if single or k >= wide else clipped(point_name(point), 72 // wide),
@@ -311,12 +245,15 @@ def _lines_picture(study: GridStudy) -> Picture | None:
     for some, total, what in cuts:
         title += f"; {some} of {total} {what} shown, all in offsets.csv" if some < total else ""
     of_series = [f"{name}: {'; '.join(part)}" if name else "; ".join(part) for name, part in texts.items()]
+    ticks = _spaced(values, log, wide) if not words_alone else values[:: math.ceil(len(values) / _MOST_WORDS)]
+    names = [value_text(axis, order[int(k)]) for k in ticks] if words_alone else []
+    scale = Scale(log, (edges[0], edges[-1]), ticks, names)
     return curves_picture(
         "lines",
         title,
         f"Predicted {UNCERTAINTY} by {clipped(axis.label)}. {'. '.join(of_series)}.",
         panels,
-        Scale(log, (edges[0], edges[-1]), _spaced(values, log, wide)),
+        scale,
         wide=wide,
         panel_height=min(1.25 if single else 1.0, 6.0 / math.ceil(len(panels) / wide)),
         across=axis_title(axis),
@@ -325,10 +262,17 @@ def _lines_picture(study: GridStudy) -> Picture | None:
     )
 
 
-def _curves_of(values: Sequence[float], rows: Sequence[CaseParameter | None]) -> list[Curve]:
+def _curves_of(values: Sequence[float], rows: Sequence[CaseParameter | None], stroke: str) -> list[Curve]:
     """The prediction as a line, the RMSE of each fit as marks with their intervals."""
     predicted = [math.nan if row is None or row.std is None else row.std for row in rows]
-    curves = [Curve(values, predicted, "predicted u", Look(shape=".", width=1.6))]
+    curves = [
+        Curve(
+            values,
+            predicted,
+            "predicted u",
+            Look(shape="." if stroke else "_", size=5.0 if stroke else 14.0, stroke=stroke, width=1.6),
+        )
+    ]
     for fit, look in FITS.items():
         some = [
             (x, errors.rmse, *rmse_interval(errors))
@@ -461,8 +405,8 @@ def _over(study: GridStudy, axis: int, value: int, name: str) -> tuple[int, Offs
 
 
 def _order(axis: GridAxis) -> list[int]:
-    """Indices of the values of an axis, by rising value."""
-    values = axis.numeric or ()
+    """Indices of the values of an axis, by rising value; of words as they are."""
+    values = axis.numeric or range(len(axis.values))
     return sorted(range(len(values)), key=values.__getitem__)
 
 

@@ -1,51 +1,68 @@
-"""Studies made up for the tests of their pages: coverage, cell, table2; each with a hostile one."""
+"""Studies made up for the tests of their pages: coverage, cell, table2, geometry; each with a hostile one."""
 
 from __future__ import annotations
 
-import copy
 import functools
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from example_results import HOSTILE_NAMES
 from pydantic import TypeAdapter
-from scipy.special import chdtrc
-from scipy.stats import binomtest, chi2, norm
+from scipy.stats import chi2, chisquare, norm
 
-from zerobeam.experiments.studies.answer import StudyAnswer, share_interval
-from zerobeam.experiments.studies.cell import CellStudy
-from zerobeam.experiments.studies.coverage import CoverageStudy
-from zerobeam.experiments.studies.geometry_coverage import GeometryStudy
-from zerobeam.experiments.studies.table2 import Table2Study
+from zerobeam.experiments.studies.answer import (
+    JudgedEstimator,
+    NoiseLevel,
+    ObservedParameter,
+    StudyAnswer,
+    accuracy,
+    by_stds,
+    held_share,
+)
+from zerobeam.experiments.studies.cell import CellPlan, CellSettings, CellStudy, PhaseSeconds, ShotsUsed
+from zerobeam.experiments.studies.coverage import (
+    CoveragePlan,
+    CoverageSettings,
+    CoverageStudy,
+    RankCalibration,
+    RankedParameter,
+)
+from zerobeam.experiments.studies.geometry_coverage import (
+    CheckedOffset,
+    GeometryEstimator,
+    GeometryParameter,
+    GeometryPlan,
+    GeometrySettings,
+    GeometryStudy,
+    ToleranceLevel,
+)
+from zerobeam.experiments.studies.table2 import (
+    EXPERIMENTS,
+    OFFSETS,
+    PRINTED_MEAN,
+    PRINTED_STD,
+    PaperTable,
+    ScatterParameter,
+    SimulatedStd,
+    Table2Plan,
+    Table2Settings,
+    Table2Study,
+)
+from zerobeam.model.records import to_json
 
 Json = dict[str, Any]
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)
-DATA_SETS, DRAWS, BINS = 1000, 99, 20
+DATA_SETS, DRAWS, BINS, RUNS, ARMS = 1000, 99, 20, 200, 200
 # A bias and a spread that no report may show where a data set cannot tell the parameter.
 FORBIDDEN = 1.23456789
-
-_PLANS: tuple[tuple[str, str, int, tuple[float, ...]], ...] = (
-    ("good", "seven shots chosen by A-optimality", 7, (0.0101, 0.0123, 0.0098, 0.0214, 0.0431)),
-    ("weak", "five shots within a narrow cone", 5, (0.143, 0.0871, 0.0642, 0.312, 0.927)),
-    (
-        "nearly degenerate",
-        "an X-Pattern: the second joint hardly moves",
-        4,
-        (math.nan, 0.21, 0.164, 0.55, 1.9),
-    ),
-)
-# name, words, control, the intervals' width as a multiple of the right one, rmse over the likelihood's
-_ESTIMATORS = (
-    ("likelihood", "likelihood fit, intervals from the curvature", False, 1.0, 1.0),
-    ("midpoint", "the paper's cost (eq. 8), sandwich covariance", False, 1.0, 1.37),
-    ("posterior", "posterior, central intervals of the draws", False, 1.0, 1.0),
-    ("noise understated by 2", "likelihood fit that is told half the noise", True, 0.5, 1.0),
-    ("pseudo-inverse covariance", "likelihood fit, covariance by a pseudo-inverse", True, 0.71, 1.0),
-)
-
-
+NOISE = NoiseLevel(0.01, 0.05)
+NAMES = [f"delta{i}" for i in range(2, 7)]
+ABOUT: Json = {"agrees": True, "seconds": 9.83, "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"}}
+NOTE = ("delta1 is held: it is the base frame, and no data tell it.",)
 _KINDS: dict[str, type[StudyAnswer]] = {
     "coverage": CoverageStudy,
     "cell": CellStudy,
@@ -62,213 +79,163 @@ def typed(content: Json | StudyAnswer) -> Any:
     return TypeAdapter(_KINDS[content["study"]]).validate_python(answer, strict=False)
 
 
+def _harmful(answer: Json) -> Json:
+    harm = {"title": HOSTILE_NAMES[0], "headline": HOSTILE_NAMES[1], "notes": [*HOSTILE_NAMES]}
+    for plan, name, robot in zip(answer["plans"], HOSTILE_NAMES, reversed(HOSTILE_NAMES), strict=False):
+        plan |= {"name": name, "words": name} | ({"robot": robot} if "robot" in plan else {})
+        for part in plan.get("estimators", [plan]):
+            part["sentence"] = HOSTILE_NAMES[7]
+        plan.get("estimators", [plan])[0]["parameters"][1]["name"] = HOSTILE_NAMES[0]
+    return answer | harm
+
+
+def _row(
+    rng: np.random.Generator,
+    name: str,
+    true: float,
+    u: float,
+    runs: int,
+    levels: Sequence[float] = (0.95,),
+    claims: bool = False,
+) -> ObservedParameter:
+    """Errors of the spread `true` with intervals of `u`; an undetermined one (NaN) may have a claim."""
+    many = len(levels) > 1
+    if math.isnan(u):
+        if not claims:
+            return ObservedParameter(name, "deg", "unidentifiable", coverage=() if many else None)
+        true, u = 1.0, 0.002
+    error = rng.normal(size=runs) * true
+    alarm = 0.01 / (5 * len(levels))
+    shares = tuple(held_share(by_stds(error / u, level), runs, level, alarm) for level in levels)
+    status: Any = "weak" if u > 0.05 else "identified"
+    errors = accuracy(error, np.full(runs, u))
+    return ObservedParameter(name, "deg", status, *errors, shares if many else shares[0])
+
+
+# ── coverage ──────────────────────────────────────────────────────────────────────────────────
+
+_GOOD = (0.0101, 0.0123, 0.0098, 0.0214, 0.0431)
+_DEGENERATE = (math.nan, 0.21, 0.164, 0.55, 1.9)
+_PLANS = (
+    ("good", "seven shots chosen by A-optimality", 7, _GOOD),
+    ("weak", "five shots within a narrow cone", 5, (0.143, 0.0871, 0.0642, 0.312, 0.927)),
+    ("nearly degenerate", "an X-Pattern: the second joint hardly moves", 4, _DEGENERATE),
+)
+# name, words, control, the intervals' width as a multiple of the right one, rmse over the likelihood's
+_ESTIMATORS = (
+    ("likelihood", "likelihood fit, intervals from the curvature", False, 1.0, 1.0),
+    ("midpoint", "the paper's cost (eq. 8), sandwich covariance", False, 1.0, 1.37),
+    ("posterior", "posterior, central intervals of the draws", False, 1.0, 1.0),
+    ("noise understated by 2", "likelihood fit that is told half the noise", True, 0.5, 1.0),
+    ("pseudo-inverse covariance", "likelihood fit, covariance by a pseudo-inverse", True, 0.71, 1.0),
+)
+
+
 def agreeing() -> Json:
     """Three plans of five offsets; the last cannot tell delta2, and all that must agree agrees."""
-    return copy.deepcopy(_agreeing())
+    return to_json(_coverage())
 
 
 def disagreeing() -> Json:
     """The same, but the midpoint fit's intervals of the weak plan hold the truth too seldom."""
-    answer = agreeing()
-    rng = np.random.default_rng(3)
+    answer, rng = agreeing(), np.random.default_rng(3)
     estimator = answer["plans"][1]["estimators"][1]
     estimator["agrees"] = answer["agrees"] = False
     estimator["sentence"] = "The 95 % intervals of delta2 hold the truth too seldom."
-    for row in estimator["parameters"][0]["coverage"]:
-        row |= _coverage(rng, row["level"], width=0.8)
+    estimator["parameters"][0] = to_json(_row(rng, "delta2", 0.2, 0.16, DATA_SETS, LEVELS))
     answer["headline"] = "The midpoint fit's intervals do not hold what they promise for the plan weak."
     return answer
 
 
-def _harmful(answer: Json) -> Json:
-    harm = {"title": HOSTILE_NAMES[0], "headline": HOSTILE_NAMES[1], "notes": [*HOSTILE_NAMES]}
-    return answer | harm
-
-
 def hostile() -> Json:
     """Names and words that would do harm if they were markup, a path or a command; one plan is enough."""
-    answer = _harmful(agreeing())
+    answer = agreeing()
     del answer["plans"][:2]
+    answer = _harmful(answer)
     answer["versions"][HOSTILE_NAMES[0]] = HOSTILE_NAMES[1]
     (plan,) = answer["plans"]
-    plan["name"], plan["robot"], plan["words"] = HOSTILE_NAMES[0], HOSTILE_NAMES[9], HOSTILE_NAMES[1]
-    plan["estimators"][3]["name"] = HOSTILE_NAMES[9]
-    plan["estimators"][3]["sentence"] = HOSTILE_NAMES[7]
-    plan["estimators"][0]["parameters"][1]["name"] = HOSTILE_NAMES[0]
+    plan["estimators"][3]["name"] = plan["robot"] = HOSTILE_NAMES[9]
+    plan["words"] = HOSTILE_NAMES[1]
     plan["sbc"][0]["sentence"] = HOSTILE_NAMES[7]
     plan["sbc"][0]["parameters"][1]["name"] = HOSTILE_NAMES[4]
     return answer
 
 
 @functools.cache
-def _agreeing() -> Json:
+def _coverage() -> CoverageStudy:
     rng = np.random.default_rng(1)
-    return {
-        "schema": "zerobeam/study/1",
-        "study": "coverage",
-        "title": "Do the intervals hold what they promise?",
-        "headline": "Every interval holds the truth as often as it promises, and both controls fail visibly.",
-        "agrees": True,
-        "settings": {
-            "data_sets": DATA_SETS,
-            "seed": 0,
-            "levels": list(LEVELS),
-            "draws": DRAWS,
-            "bins": BINS,
-            "chance": 0.01,
-            "posterior": "importance-weighted draws from a multivariate t about each fit",
-        },
-        "seconds": 9.83,
-        "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"},
-        "plans": [_plan(rng, *plan) for plan in _PLANS],
-        "notes": ["delta1 is held: it is the base frame, and no data tell it."],
-    }
-
-
-def _plan(rng: np.random.Generator, name: str, words: str, shots: int, stds: tuple[float, ...]) -> Json:
-    failed = 3 if name == "nearly degenerate" else 0
-    return {
-        "name": name,
-        "words": words,
-        "robot": "irb1600",
-        "shots": shots,
-        "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
-        "data_sets": DATA_SETS,
-        "failed": failed,
-        "acceptance": 0.7,
-        "estimators": [_estimator(rng, stds, *estimator) for estimator in _ESTIMATORS],
-        "sbc": [_sbc(rng, "posterior", False, 1.0), _sbc(rng, "noise understated by 2", True, 0.5)],
-    }
-
-
-def _estimator(
-    rng: np.random.Generator,
-    stds: tuple[float, ...],
-    name: str,
-    words: str,
-    control: bool,
-    width: float,
-    spread: float,
-) -> Json:
-    sentence = (
-        "All 20 shares lie within the binomial error."
-        if not control
-        else f"Its 95 % intervals hold the truth {2 * norm.cdf(1.96 * width) - 1:.0%} of the time."
+    plans = []
+    for name, words, shots, stds in _PLANS:
+        estimators = []
+        for kind, about, control, width, spread in _ESTIMATORS:
+            sentence = f"{100 * (2 * norm.cdf(1.96 * width) - 1):.0f} % of its 95 % intervals hold the truth."
+            rows = tuple(
+                _row(rng, offset, std * spread, std * spread * width, DATA_SETS, LEVELS, "pseudo" in kind)
+                for offset, std in zip(NAMES, stds, strict=True)
+            )
+            head = {"name": kind, "words": about, "control": control, "agrees": not control}
+            estimators.append(
+                JudgedEstimator(**head, converged=DATA_SETS, sentence=sentence, parameters=rows)
+            )
+        sbc = (_ranks(rng, "posterior", False, 1.0), _ranks(rng, "noise understated by 2", True, 0.5))
+        about_plan: Json = {"name": name, "words": words, "robot": "irb1600", "shots": shots, "noise": NOISE}
+        made = {"data_sets": DATA_SETS, "failed": 3 if name == "nearly degenerate" else 0, "acceptance": 0.7}
+        plans.append(CoveragePlan(**about_plan, **made, estimators=tuple(estimators), sbc=sbc))
+    posterior = "importance-weighted draws from a multivariate t about each fit"
+    return CoverageStudy(
+        study="coverage",
+        title="Do the intervals hold what they promise?",
+        headline="Every interval holds the truth as often as it promises, and both controls fail visibly.",
+        settings=CoverageSettings(DATA_SETS, 0, LEVELS, DRAWS, BINS, 0.01, posterior),
+        plans=tuple(plans),
+        notes=NOTE,
+        **ABOUT,
     )
-    return {
-        "name": name,
-        "words": words,
-        "control": control,
-        "agrees": not control,
-        "converged": DATA_SETS,
-        "sentence": sentence,
-        "parameters": [
-            _parameter(rng, f"delta{i + 2}", std, width, spread, name.startswith("pseudo"))
-            for i, std in enumerate(stds)
-        ],
-    }
 
 
-def _parameter(
-    rng: np.random.Generator, name: str, std: float, width: float, spread: float, claims: bool
-) -> Json:
-    if math.isnan(std):
-        # A pseudo-inverse claims to know even this, to 0.1 mrad: its intervals never hold the truth.
-        coverage = [_coverage(rng, level, 0.002) for level in LEVELS] if claims else []
-        row: Json = dict.fromkeys(("bias", "bias_mcse", "rmse", "predicted_std"))
-        return {"name": name, "unit": "deg", "status": "unidentifiable", **row, "coverage": coverage}
-    rmse = std * spread * (1 + rng.normal() / math.sqrt(2 * DATA_SETS))
-    mcse = rmse / math.sqrt(DATA_SETS)
-    return {
-        "name": name,
-        "unit": "deg",
-        "status": "weak" if std > 0.05 else "identified",
-        "bias": rng.normal() * mcse,
-        "bias_mcse": mcse,
-        "rmse": rmse,
-        "predicted_std": std * spread * width,
-        "coverage": [_coverage(rng, level, width) for level in LEVELS],
-    }
-
-
-def _coverage(rng: np.random.Generator, level: float, width: float) -> Json:
-    """How often intervals `width` times as wide as the right ones hold the truth of a normal error."""
-    share = 2 * norm.cdf(norm.ppf((1 + level) / 2) * width) - 1
-    held = int(rng.binomial(DATA_SETS, share))
-    low, high = share_interval(held, DATA_SETS)
-    apart = abs(held / DATA_SETS - level) / math.sqrt(level * (1 - level) / DATA_SETS)
-    return {
-        "level": level,
-        "held": held,
-        "of": DATA_SETS,
-        "share": held / DATA_SETS,
-        "low": low,
-        "high": high,
-        "agrees": bool(apart < 3.7),  # 1 in 20 by chance among some 200 shares
-    }
-
-
-def _sbc(rng: np.random.Generator, name: str, control: bool, width: float) -> Json:
+def _ranks(rng: np.random.Generator, name: str, control: bool, width: float) -> RankCalibration:
     """Ranks of a standard normal truth among draws that are `width` times as wide as they should be."""
     rows = []
-    for i in range(5):
+    for offset in NAMES:
         shares = norm.cdf(rng.normal(size=DATA_SETS) / width)
         ranks = np.bincount(rng.binomial(DRAWS, shares) * BINS // (DRAWS + 1), minlength=BINS)
-        expected = DATA_SETS / BINS
-        chi2 = float(((ranks - expected) ** 2 / expected).sum())
-        p = float(chdtrc(BINS - 1, chi2))
-        rows.append(
-            {"name": f"delta{i + 2}", "unit": "deg", "ranks": ranks.tolist(), "chi2": chi2, "p_value": p}
-        )
-    return {
-        "name": name,
-        "control": control,
-        "agrees": not control,
-        "sentence": "The ranks are uniform." if not control else "The truth lies in the tails far too often.",
-        "parameters": rows,
-        "power": "a std too small by 10 % would be seen with probability 0.97",
-    }
+        rows.append(RankedParameter(offset, "deg", tuple(ranks.tolist()), *map(float, chisquare(ranks))))
+    return RankCalibration(
+        name=name,
+        control=control,
+        agrees=not control,
+        sentence="The truth lies in the tails far too often." if control else "The ranks are uniform.",
+        parameters=tuple(rows),
+        power="a std too small by 10 % would be seen with probability 0.97",
+    )
 
 
-RUNS = 200
-# name, words, control, shots, stds of δ2 … δ6 (NaN: not determined), the intervals' width, mean seconds by
-# phase, spread of the total, shots saved by the adaptive order
+# ── cell ──────────────────────────────────────────────────────────────────────────────────────
+
+_Y = (0.021, 0.034, 0.029, 0.041, 0.087)
+# name, words, control, stds, the intervals' width, mean seconds by phase, spread of the total, shots saved
 _CELL_PLANS: tuple[tuple[Any, ...], ...] = (
-    ("y-pattern", "the paper's seven postures", False, 7, (0.021, 0.034, 0.029, 0.041, 0.087), 1.0,
-     (38.2, 61.7, 92.4, 14.0), 21.3, None),
-    ("optimal", "seven shots chosen by A-optimality", False, 7, (0.011, 0.014, 0.010, 0.022, 0.043), 1.0,
-     (52.6, 70.3, 88.1, 14.0), 24.8, None),
-    ("adaptive", "the same candidates, the next one chosen after each shot", False, 7,
-     (0.015, 0.019, 0.014, 0.027, 0.048), 1.0, (41.9, 50.8, 66.5, 10.6), 33.5, 1.74),
-    ("x-pattern", "the second joint hardly moves", False, 7, (math.nan, 0.21, 0.164, 0.55, 1.9), 1.0,
-     (36.3, 58.2, 90.8, 14.0), 20.2, None),
-    ("noise understated", "the y-pattern, told half the noise of joints and spot", True, 7,
-     (0.021, 0.034, 0.029, 0.041, 0.087), 0.5, (38.4, 61.2, 92.9, 14.0), 21.9, None),
+    ("y-pattern", "the paper's seven postures", False, _Y, 1.0, (38.2, 61.7, 92.4, 14.0), 21.3, None),
+    ("optimal", "seven by A-optimality", False, _GOOD, 1.0, (52.6, 70.3, 88.1, 14.0), 24.8, None),
+    ("adaptive", "the next one chosen after each shot", False, _Y, 1.0, (41.9, 50.8, 66.5, 10.6), 33.5, 1.74),
+    ("x-pattern", "joint 2 hardly moves", False, _DEGENERATE, 1.0, (36.3, 58.2, 90.8, 14.0), 20.2, None),
+    ("noise understated", "told half the noise", True, _Y, 0.5, (38.4, 61.2, 92.9, 14.0), 21.9, None),
 )  # fmt: skip
 
 
 def cell_study() -> Json:
     """Five plans through the whole chain; one cannot tell delta2, one is a control that fails."""
-    return copy.deepcopy(_cell())
+    return to_json(_cell())
 
 
 def hostile_cell() -> Json:
     """Harmful names; a plan without any result, one beyond the limit, a control that is not seen to fail."""
     answer = _harmful(cell_study()) | {"agrees": False}
-    for plan, name, robot in zip(answer["plans"], HOSTILE_NAMES, reversed(HOSTILE_NAMES), strict=False):
-        plan["name"], plan["robot"], plan["words"], plan["sentence"] = name, robot, name, HOSTILE_NAMES[7]
-        plan["parameters"][1]["name"] = HOSTILE_NAMES[0]
     answer["plans"][4]["agrees"] = True
-    late = answer["plans"][1]
+    late, empty = answer["plans"][1], answer["plans"][0]
     late["seconds"]["total"]["max"], late["within_limit"] = 402.5, False
-    empty = answer["plans"][0]
-    empty |= {
-        "agrees": False,
-        "failed": RUNS,
-        "failures": ["the beam is lost", HOSTILE_NAMES[0]],
-        "within_limit": None,
-        "computing_s": None,
-    }
+    empty |= {"agrees": False, "failed": RUNS, "failures": ["the beam is lost", HOSTILE_NAMES[0]]}
+    empty |= dict.fromkeys(("within_limit", "computing_s"))
     empty["shots_used"] = dict.fromkeys(("mean", "min", "max"))
     empty["seconds"] = {phase: {"mean": None, "max": None} for phase in empty["seconds"]}
     for row in empty["parameters"]:
@@ -277,98 +244,50 @@ def hostile_cell() -> Json:
 
 
 @functools.cache
-def _cell() -> Json:
-    rng = np.random.default_rng(5)
-    return {
-        "schema": "zerobeam/study/1",
-        "study": "cell",
-        "title": "Does the automated cell keep its promises?",
-        "headline": "Through images, PSD and encoders the 95 % intervals hold the truth as often as they"
-        " promise, and the control is seen to be wrong.",
-        "agrees": True,
-        "settings": {
-            "runs": RUNS, "seed": 0, "level": 0.95, "camera": True, "chance": 0.01, "limit_s": 360.0,
-            "tolerance_deg": 0.02,
-        },
-        "seconds": 1874.2,
-        "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"},
-        "plans": [_cell_plan(rng, *plan) for plan in _CELL_PLANS],
-        "notes": ["delta1 is held: it is the base frame, and no data tell it."],
-    }  # fmt: skip
+def _cell() -> CellStudy:
+    rng, plans = np.random.default_rng(5), []
+    for name, words, control, stds, width, means, spread, saved in _CELL_PLANS:
+        phases = dict(zip(("move", "search", "servo", "settle", "total"), (*means, sum(means)), strict=True))
+        longest = phases["total"] + 3 * spread
+        rows = [_row(rng, offset, std, std * width, RUNS) for offset, std in zip(NAMES, stds, strict=True)]
+        plans.append(
+            CellPlan(
+                name=name,
+                words=words,
+                control=control,
+                agrees=not control,
+                sentence="Far too few." if control else "All shares lie within the binomial error.",
+                robot="irb1600",
+                shots=7,
+                noise=NOISE,
+                runs=RUNS,
+                failed=0,
+                failures=(),
+                refused=3,
+                contradicted=2,
+                parameters=tuple(rows),
+                seconds={
+                    key: PhaseSeconds(mean, longest * mean / phases["total"]) for key, mean in phases.items()
+                },
+                within_limit=longest <= 360,
+                shots_used=ShotsUsed(7 - (saved or 0), 5 if saved else 7, 7),
+                saved=saved,
+                computing_s=1.83,
+            )
+        )
+    return CellStudy(
+        study="cell",
+        title="Does the automated cell keep its promises?",
+        headline="The intervals hold the truth as often as they promise, and the control is wrong.",
+        settings=CellSettings(RUNS, 0, 0.95, True, 0.01, 360.0, 0.02),
+        plans=tuple(plans),
+        notes=NOTE,
+        **ABOUT,
+    )
 
 
-def _cell_plan(
-    rng: np.random.Generator,
-    name: str,
-    words: str,
-    control: bool,
-    shots: int,
-    stds: tuple[float, ...],
-    width: float,
-    means: tuple[float, ...],
-    spread: float,
-    saved: float | None,
-) -> Json:
-    phases = dict(zip(("move", "search", "servo", "settle", "total"), (*means, sum(means)), strict=True))
-    longest = phases["total"] + 3 * spread
-    return {
-        "name": name,
-        "words": words,
-        "control": control,
-        "agrees": not control,
-        "sentence": "All shares lie within the binomial error."
-        if not control
-        else "Far too few hold the truth.",
-        "robot": "irb1600",
-        "shots": shots,
-        "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
-        "runs": RUNS,
-        "failed": 0,
-        "failures": [],
-        "refused": 3,
-        "contradicted": 2,
-        "parameters": [_cell_parameter(rng, f"delta{i + 2}", std, width) for i, std in enumerate(stds)],
-        "seconds": {
-            phase: {"mean": mean, "max": longest * mean / phases["total"]} for phase, mean in phases.items()
-        },
-        "within_limit": longest <= 360,
-        "shots_used": {"mean": float(shots - (saved or 0)), "min": 5 if saved else shots, "max": shots},
-        "saved": saved,
-        "computing_s": 1.83,
-    }
+# ── table 2 ───────────────────────────────────────────────────────────────────────────────────
 
-
-def _cell_parameter(rng: np.random.Generator, name: str, std: float, width: float) -> Json:
-    row: Json = dict.fromkeys(("bias", "bias_mcse", "rmse", "predicted_std", "coverage"))
-    if math.isnan(std):
-        return {"name": name, "unit": "deg", "status": "unidentifiable", **row}
-    rmse = std * (1 + rng.normal() / math.sqrt(2 * RUNS))
-    mcse = rmse / math.sqrt(RUNS)
-    share = 2 * norm.cdf(1.959964 * width) - 1
-    held = int(rng.binomial(RUNS, share))
-    low, high = share_interval(held, RUNS)
-    return {
-        "name": name,
-        "unit": "deg",
-        "status": "weak" if std > 0.05 else "identified",
-        "bias": rng.normal() * mcse,
-        "bias_mcse": mcse,
-        "rmse": rmse,
-        "predicted_std": std * width,
-        "coverage": {
-            "level": 0.95, "held": held, "of": RUNS, "share": held / RUNS,
-            "low": low, "high": high,
-            "agrees": bool(binomtest(held, RUNS, 0.95).pvalue > 0.01 / 25),
-        },
-    }  # fmt: skip
-
-
-_TABLE_2 = (
-    (-1.136002, -0.653953, 0.133136, 0.065242, -0.040463),
-    (-1.217583, -0.735420, 0.116557, 0.016004, -0.040011),
-    (-1.296875, -0.689902, 0.088857, -0.065201, -0.034254),
-)
-_PRINTED_STD = (0.0804, 0.0408, 0.0224, 0.0659, 0.0035)
 # name, words, std of each offset for 1° of joint noise (NaN: not determined), joint noise, interval, p-value
 _TABLE_2_PLANS: tuple[tuple[Any, ...], ...] = (
     ("y-pattern", "the paper's seven postures", (2.1, 3.4, 2.9, 4.1, 8.7), 0.0112, (0.0079, 0.0193), 0.0007),
@@ -379,16 +298,13 @@ _TABLE_2_PLANS: tuple[tuple[Any, ...], ...] = (
 
 def table2_study() -> Json:
     """The paper's three runs against three plans, of which one cannot tell delta2."""
-    return copy.deepcopy(_table2())
+    return to_json(_table2())
 
 
 def hostile_table2() -> Json:
     """Harmful names; a plan for which no joint noise could be found, and nothing was simulated."""
     answer = _harmful(table2_study()) | {"agrees": False}
     answer["paper"]["offsets"][1], answer["paper"]["notes"] = HOSTILE_NAMES[3], [*HOSTILE_NAMES]
-    for plan, name in zip(answer["plans"], HOSTILE_NAMES, strict=False):
-        plan["name"], plan["words"], plan["sentence"] = name, name, HOSTILE_NAMES[7]
-        plan["parameters"][1]["name"] = HOSTILE_NAMES[0]
     empty = answer["plans"][0]
     empty |= dict.fromkeys(("joint_deg", "low", "high", "p_value", "chi2", "chance")) | {"agrees": False}
     answer["plans"][1] |= {"low": 0.0, "agrees": False}
@@ -398,78 +314,145 @@ def hostile_table2() -> Json:
 
 
 @functools.cache
-def _table2() -> Json:
-    runs = np.array(_TABLE_2)
-    std = runs.std(axis=0, ddof=1)
-    return {
-        "schema": "zerobeam/study/1",
-        "study": "table2",
-        "title": "What does the scatter of the paper's three runs say?",
-        "headline": "One joint noise does not explain all five standard deviations: delta6 repeats too well.",
-        "agrees": True,
-        "settings": {"seed": 0, "runs": 3, "simulated": 2000, "chance": 0.01},
-        "seconds": 12.7,
-        "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"},
-        "paper": {
-            "offsets": [f"delta{i}" for i in range(2, 7)],
-            "experiments": [list(run) for run in _TABLE_2],
-            "mean": runs.mean(axis=0).tolist(),
-            "std": std.tolist(),
-            "printed_mean": [-1.2168, -0.6931, 0.1129, 0.0053, -0.0382],
-            "printed_std": list(_PRINTED_STD),
-            "notes": ["The printed means and standard deviations follow from the printed runs."],
-        },
-        "plans": [_table2_plan(np.random.default_rng(7), std, *plan) for plan in _TABLE_2_PLANS],
-        "notes": ["delta1 is held: it is the base frame, and no data tell it."],
-    }
+def _table2() -> Table2Study:
+    rng, std, plans = np.random.default_rng(7), EXPERIMENTS.std(axis=0, ddof=1), []
 
-
-def _table2_plan(
-    rng: np.random.Generator,
-    paper: Any,
-    name: str,
-    words: str,
-    gains: tuple[float, ...],
-    joint_deg: float,
-    bounds: tuple[float, float],
-    p_value: float,
-) -> Json:
     def of_three(probability: float) -> float:
         return math.sqrt(chi2.ppf(probability, 2) / 2)
 
-    rows = []
-    for i, (std, gain) in enumerate(zip(paper.tolist(), gains, strict=True)):
-        sure = {"paper_std": std, "low": std / of_three(0.975), "high": std / of_three(0.025)}
-        row: Json = {"name": f"delta{i + 2}", "unit": "deg", "status": "identified", **sure}
-        if math.isnan(gain):
-            ours: Json = dict.fromkeys(("predicted_std", "alone_deg", "simulated_std", "simulated"))
-            row["status"] = "unidentifiable"
-        else:
-            predicted = gain * joint_deg
-            ours = {
-                "predicted_std": predicted,
-                "alone_deg": std / gain,
-                "simulated_std": predicted * of_three(rng.uniform(0.1, 0.9)),
-                "simulated": {
-                    key: predicted * of_three(p)
-                    for key, p in (("q2_5", 0.025), ("median", 0.5), ("q97_5", 0.975))
-                },
-            }
-        rows.append(row | ours)
-    return {
-        "name": name,
-        "words": words,
-        "shots": 7,
-        "spot_mm": 0.05,
-        "joint_deg": joint_deg,
-        "low": bounds[0],
-        "high": bounds[1],
-        "p_value": p_value,
-        "agrees": True,
-        "chi2": 9.82,
-        "dof": 10,
-        "chance": 0.9123,
-        "sentence": "No one joint noise explains all five standard deviations.",
-        "axes": [],
-        "parameters": rows,
-    }
+    for name, words, gains, joint_deg, bounds, p_value in _TABLE_2_PLANS:
+        rows = []
+        for offset, of_paper, gain in zip(OFFSETS, std.tolist(), gains, strict=True):
+            paper = (of_paper, of_paper / of_three(0.975), of_paper / of_three(0.025))
+            if math.isnan(gain):
+                rows.append(ScatterParameter(offset, "deg", "unidentifiable", *paper))
+                continue
+            at = gain * joint_deg
+            sets = SimulatedStd(*(at * of_three(p) for p in (0.025, 0.5, 0.975)))
+            observed = at * of_three(rng.uniform(0.1, 0.9))
+            ours = (at, of_paper / gain, observed, sets)
+            rows.append(ScatterParameter(offset, "deg", "identified", *paper, *ours))
+        plans.append(
+            Table2Plan(
+                name,
+                words,
+                7,
+                0.05,
+                joint_deg,
+                *bounds,
+                p_value,
+                True,
+                9.82,
+                10,
+                0.9123,
+                "No one joint noise explains all five standard deviations.",
+                (),
+                tuple(rows),
+            )
+        )
+    runs = tuple(map(tuple, EXPERIMENTS.tolist()))
+    means = tuple(EXPERIMENTS.mean(axis=0).tolist())
+    notes = ("The printed means and standard deviations follow from the printed runs.",)
+    return Table2Study(
+        study="table2",
+        title="What does the scatter of the paper's three runs say?",
+        headline="One joint noise does not explain all five standard deviations: delta6 repeats too well.",
+        settings=Table2Settings(0, 3, 2000, 0.01),
+        paper=PaperTable(OFFSETS, runs, means, tuple(std.tolist()), PRINTED_MEAN, PRINTED_STD, notes),
+        plans=tuple(plans),
+        notes=NOTE,
+        **ABOUT,
+    )
+
+
+# ── geometry ──────────────────────────────────────────────────────────────────────────────────
+
+# name, measurements, u of δ2 … δ6 by noise, considered, freed (NaN: not determined)
+_GEOMETRY_PLANS = (
+    ("7, nominal", 7, (0.0089, 0.0071, 0.0062, 0.0068, 0.0061), (0.083, 0.041, 0.022, 0.057, 0.021),
+     (0.031, 0.030, 0.011, 0.019, 0.012)),
+    ("12, nominal", 12, (0.0068, 0.0061, 0.0054, 0.0058, 0.0052), (0.061, 0.039, 0.031, 0.044, 0.026),
+     (0.015, 0.012, 0.0081, 0.0093, 0.0066)),
+    ("probe", 60, (0.0029, 0.0032, 0.0041, 0.0064, math.nan), (0.024, 0.12, 0.041, 0.12, math.nan),
+     (0.0043, 0.017, 0.0081, 0.011, math.nan)),
+)  # fmt: skip
+
+
+@functools.cache
+def geometry_study() -> GeometryStudy:
+    """Three plans; the last does not determine δ6."""
+    rng, plans = np.random.default_rng(11), []
+    for name, shots, noise, considered, freed in _GEOMETRY_PLANS:
+        of_kinds = {
+            "freed": (freed, freed),
+            "considered": (considered, considered),
+            "nominal": (noise, considered),
+            "tolerances understated by 3": (tuple(u / 2 for u in freed), freed),
+        }
+        estimators = []
+        for kind, (us, trues) in of_kinds.items():
+            control = kind in ("nominal", "tolerances understated by 3")
+            rows = [_geometry_row(rng, *of) for of in zip(NAMES, trues, us, strict=True)]
+            head: Json = {"name": kind, "words": f"by {kind}", "control": control, "agrees": not control}
+            misfit = ARMS if kind in ("nominal", "considered") else 1
+            counts = {"converged": ARMS, "misfit": misfit, "sentence": "Far too few." if control else "All."}
+            estimators.append(GeometryEstimator(**head, **counts, parameters=tuple(rows)))
+        checked = tuple(
+            CheckedOffset(offset, "deg", *(None if math.isnan(u) else u for u in us))
+            for offset, *us in zip(NAMES, noise, considered, freed, strict=True)
+        )
+        of_laser = name != "probe"
+        plans.append(
+            GeometryPlan(
+                name=name,
+                words=f"laser, {shots} A-optimal measurements",
+                chosen_for="nominal" if of_laser else None,
+                robot="irb1600",
+                shots=shots,
+                noise=NOISE,
+                tolerance=ToleranceLevel(0.3, 0.1),
+                arms=ARMS,
+                failed=0,
+                efficiency=0.912 if of_laser else None,
+                checked=checked,
+                estimators=tuple(estimators),
+            )
+        )
+    return GeometryStudy(
+        study="geometry",
+        title="Do the intervals hold if the arm deviates from nominal geometry?",
+        headline="With the geometry estimated the 95 % intervals hold the truth as often as stated.",
+        settings=GeometrySettings(ARMS, 0, 0.95, 0.01, 1000, 1.0),
+        plans=tuple(plans),
+        notes=("Gravity and harmonics are neither simulated nor estimated.",),
+        **ABOUT,
+    )
+
+
+def _geometry_row(rng: np.random.Generator, name: str, true: float, u: float) -> GeometryParameter:
+    row = _row(rng, name, true, u, ARMS)
+    if row.rmse is None:
+        return GeometryParameter(**vars(row))
+    z = row.rmse / u
+    low, high = (z * math.sqrt(ARMS / chi2.ppf(tail, ARMS)) for tail in (0.975, 0.025))
+    return GeometryParameter(**vars(row), z=z, z_low=low, z_high=high, checked_std=u)
+
+
+def hostile_geometry() -> GeometryStudy:
+    """Names and words that would do harm; a plan without any result."""
+    answer: GeometryStudy = typed(_harmful(to_json(geometry_study())))
+    first, *others = answer.plans
+    nothing = tuple(replace(row, noise_only=None, considered=None, freed=None) for row in first.checked)
+    none = tuple(
+        replace(
+            part,
+            agrees=False,
+            converged=0,
+            parameters=tuple(
+                GeometryParameter(row.name, row.unit, "unidentifiable") for row in part.parameters
+            ),
+        )
+        for part in first.estimators
+    )
+    plans = (replace(first, checked=nothing, estimators=none), *others)
+    return replace(answer, agrees=False, plans=plans)

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 from chromium import PAPER, chromium
-from example_geometry_study import geometry_study
-from example_studies import agreeing, cell_study, disagreeing, hostile, typed
+from example_studies import agreeing, cell_study, disagreeing, geometry_study, hostile, typed
 from made_once import made_once
 
 from zerobeam.model.errors import BadInput, UnsoundResult

@@ -12,14 +12,15 @@ from typing import Any
 import pypdf
 import pytest
 from command_line import WIDTH
-from example_geometry_study import geometry_study, hostile_geometry
 from example_studies import (
     FORBIDDEN,
     agreeing,
     cell_study,
     disagreeing,
+    geometry_study,
     hostile,
     hostile_cell,
+    hostile_geometry,
     hostile_table2,
     table2_study,
     typed,
@@ -68,7 +69,7 @@ MADE: dict[str, Callable[[], Json | StudyAnswer]] = {
     "hostile cell": hostile_cell,
     "hostile table2": hostile_table2,
     "hostile geometry": hostile_geometry,
-    "hostile dots": hostile_sweep,
+    "hostile words": hostile_sweep,
     "hostile lines": hostile_lines,
     "hostile map": hostile_map,
 }
@@ -81,7 +82,7 @@ FIGURES = {
     "cell": {"coverage", "time"},
     "table2": {"scatter"},
     "geometry": {"uncertainty", "z", "coverage"},
-    "sweep_patterns": {"dots_1"},
+    "sweep_patterns": {"lines"},
     "sweep_shots": {"lines"},
     "sweep_pattern_shots": {"lines"},
     "sweep_map": {"map"},

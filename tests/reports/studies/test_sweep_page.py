@@ -30,7 +30,7 @@ from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
 from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page, write_study
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
-from zerobeam.reports.studies.sweep_figures import dot_pages, figure_names, gap, rmse_interval, tolerance
+from zerobeam.reports.studies.sweep_figures import figure_names, gap, rmse_interval, tolerance
 from zerobeam.reports.style.blocks import Page as BlockPage
 from zerobeam.reports.style.blocks import Row
 from zerobeam.reports.style.canvas import Picture, log_ticks
@@ -175,9 +175,9 @@ def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
     assert "J4 (δ4) 0.036° at 5, 0.0098° at 30, not determined at 3, 4" in lines.alt
     # Where all is determined there is no gap: in one of four panels alone.
     assert words(drawn_of("pattern_shots")["lines"].svg).count(NOT_DETERMINED) == 1 + 1
-    dots = drawn_of("patterns")["dots_1"]
-    assert words(dots.svg).count(NOT_DETERMINED) == 1 + 1
-    assert "ring: no plan" in dots.alt
+    of_words = drawn_of("patterns")["lines"]
+    assert words(of_words.svg).count(NOT_DETERMINED) == 1 + 1
+    assert "no plan at ring" in of_words.alt
     grid = drawn_of("map")["map"]
     assert words(grid.svg).count("determined") == 1 + 1
     assert words(grid.svg).count("no plan") == 1
@@ -284,17 +284,15 @@ def test_an_offset_that_is_not_determined_is_counted_above_the_figure() -> None:
     assert f"{numbers.spread(middle, 'deg')} at 900" in picture.alt.replace("\u00a0", " ")
 
 
-def test_cases_of_one_value_of_the_first_axis_stay_in_one_figure_of_dots() -> None:
+def test_a_study_of_words_alone_is_along_the_longest_axis() -> None:
     study = patterns_sweep()
-    axes = tuple(replace(study.axes[0], values=tuple(values)) for values in ("abcde", "xyz"))
-    cases = tuple(replace(study.cases[1], at=(i, j)) for i in range(5) for j in range(3))
-    study = replace(study, axes=axes, cases=cases)
-    # Three cases of five offsets make 18 rows with their headings: two such groups to a page.
-    assert [[one.at[0] for one in page] for page in dot_pages(study)] == [
-        [0, 0, 0, 1, 1, 1], [2, 2, 2, 3, 3, 3], [4, 4, 4]
-    ]  # fmt: skip
-    assert figure_names(study) == ["dots_1", "dots_2", "dots_3"]
-    assert figure_names(long_sweep(200)) == [f"dots_{k}" for k in range(1, 5)]
+    axes = tuple(replace(study.axes[0], values=tuple(values)) for values in ("xyz", "abcde"))
+    cases = tuple(replace(study.cases[1], at=(i, j)) for i in range(3) for j in range(5))
+    (picture,) = SWEEP.pictures(replace(study, axes=axes, cases=cases)).values()
+    assert figure_names(study) == [picture.name] == ["lines"]
+    text = words(picture.svg).split()
+    assert [text.count(value) for value in "xbe"] == [1, 3, 3]  # a series above, a tick of each series
+    assert words(SWEEP.pictures(long_sweep(200))["lines"].svg).count("plan ") < 30 * 2
 
 
 def test_a_parameter_that_a_case_does_not_have_is_said_to_be_not_estimated() -> None:
