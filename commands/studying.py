@@ -1,6 +1,8 @@
 """`zerobeam study`: studies over simulated runs."""
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -44,7 +46,9 @@ def _carry_out(
     check_target(folder, study_kind(folder))
     try:
         with work, progress("study") as tell:
+            began = time.perf_counter()
             answer = study(seed, tell, store=store)
+            answer = replace(answer, seconds=time.perf_counter() - began)
             tell("writing", 1.0)
             paths = write_study(folder, answer)
     except (KeyboardInterrupt, WorkersLost):

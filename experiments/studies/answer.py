@@ -34,7 +34,7 @@ class StudyAnswer:
     headline: str
     agrees: bool
     settings: Any
-    seconds: float
+    seconds: float = 0.0  # that it took
     versions: dict[str, str] = field(default_factory=installed_versions)
     notes: tuple[str, ...]
 

@@ -7,7 +7,6 @@ carried along.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -186,7 +185,6 @@ def cell_study(
     It agrees if the intervals of every plan hold the truth as often as stated, and every control is detected.
     With a `store` each run is kept in that file at once, and a study that was stopped goes on from there.
     """
-    began = time.perf_counter()
     progress("plans", 0.0)
     plans = studied_plans(seed, camera)
     pieces = [SeededRun(plan.repeated, one) for plan in plans for one in seeds_of(seed, runs)]
@@ -207,7 +205,6 @@ def cell_study(
         headline=_headline(runs, every),
         agrees=all(plan.agrees is not plan.control for plan in every),
         settings=CellSettings(runs, seed, _LEVEL, camera, _ALARM, _LIMIT_S, _TOLERANCE_DEG),
-        seconds=time.perf_counter() - began,
         plans=every,
         notes=(
             f"Every run has an arm of its own, with offsets of {plans[0].repeated.cell.arm.drawn_deg:g}°"

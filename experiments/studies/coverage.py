@@ -11,7 +11,6 @@ moves and steps of the posterior (`drawn_together` says what is not).
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -195,7 +194,6 @@ def coverage_study(
     paper's: where its intervals do not hold, that is a finding. With a `store` the answer of each piece (some
     data sets of a plan) is kept in that file at once, and a study that was stopped goes on from there.
     """
-    began = time.perf_counter()
     with one_blas_thread(), compiled_at_once():
         plans = studied_plans(seed)
     answers = studied(plans, data_sets, seed, progress, store, processes)
@@ -222,7 +220,6 @@ def coverage_study(
             chance=_ALARM,
             posterior=f"at least {ROUND + LEAST_STEPS} steps of emcee for each of {DRAWS} walkers",
         ),
-        seconds=time.perf_counter() - began,
         plans=tuple(answers),
         notes=(
             "Every data set has true parameters of its own, drawn from the priors of the fits: offsets of 5°"

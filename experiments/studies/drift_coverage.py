@@ -6,7 +6,6 @@ Every other arm has one jump. The control ignores the correlation of the offsets
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -130,7 +129,6 @@ def drift_study(
 ) -> DriftStudy:
     """Simulate and judge so many arms. With a `store` the answer of each piece (some arms) is kept in that
     file at once, and a study that was stopped goes on from there."""
-    began = time.monotonic()
     judged = _judged(arms, seed, progress, store, processes)
     intervals, along_axis, control = (
         held_share(sum(getattr(arm, name) for arm in judged), arms, LEVEL, _FALSE_ALARM)
@@ -150,7 +148,6 @@ def drift_study(
         title="Do intervals and alarms of a drift hold?",
         headline=_headline(hold, alarms, control),
         agrees=hold and alarms.agrees and not control.agrees,
-        seconds=time.monotonic() - began,
         notes=(),
         settings=DriftSettings(arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _FALSE_ALARM, seed),
         intervals=intervals,

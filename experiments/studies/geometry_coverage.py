@@ -9,7 +9,6 @@ several targets.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -319,7 +318,6 @@ def geometry_study(
     often as stated on every plan, and every control is detected. With a `store` the answer of each plan is
     kept in that file at once, and a study that was stopped goes on from there.
     """
-    began = time.perf_counter()
     heading = heading_of("geometry", seed, arms=count, candidates=candidates)
     pieces = [ArmsOfPlan(case, count, seed, candidates) for case in cases]
     answers = each_piece(store, heading, GeometryPlan, answer_of, pieces, progress, processes)
@@ -330,7 +328,6 @@ def geometry_study(
         headline=_headline(count, answers),
         agrees=all(estimator.agrees is not estimator.control for estimator in estimators),
         settings=GeometrySettings(count, seed, _LEVEL, _ALARM, candidates, _OFFSET_DEG),
-        seconds=time.perf_counter() - began,
         plans=tuple(answers),
         notes=(
             f"Every arm has offsets of {_OFFSET_DEG:g}° (one standard deviation), links off by the stated"

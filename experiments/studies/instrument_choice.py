@@ -7,7 +7,6 @@ chosen; what it leaves unknown of the offsets, and of the TCP, follows from its 
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -146,7 +145,7 @@ def instruments_study(
 ) -> InstrumentsStudy:
     """Carry the study out, of the built-in setups or of those of a file. With a `store` the answer of each
     setup is kept in that file at once."""
-    began, path = time.monotonic(), BUILT_IN if setups is None else setups
+    path = BUILT_IN if setups is None else setups
     content = read_model(SetupsFile, path)
     for setup in content.setups:
         with located(path):
@@ -159,7 +158,6 @@ def instruments_study(
         title="Which instrument, and how many measurements?",
         headline=_headline(cases),
         agrees=True,
-        seconds=time.monotonic() - began,
         notes=(
             "Predicted for a typical arm, by the best plan of each number of measurements; nothing is"
             " simulated.",

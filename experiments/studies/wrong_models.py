@@ -8,7 +8,6 @@ the control.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,7 +127,6 @@ def wrong_models_study(
 ) -> WrongModelsStudy:
     """Carry the study out, of all scenarios or of those with these `names`. With a `store` the answer of each
     scenario and number of measurements is kept in that file at once."""
-    began = time.monotonic()
     chosen = [one for one in scenarios() if names is None or one.name in names]
     progress("plans", 0.0)
     plans = {
@@ -152,7 +150,6 @@ def wrong_models_study(
         title="What does an answer say when something is wrong?",
         headline=_headline(models, broken, unnamed),
         agrees=not broken and not unnamed,
-        seconds=time.monotonic() - began,
         notes=(
             "Each arm has links, gravity, harmonics and a tool that deviate by the default tolerances, a"
             " backlash of 0.01° and offsets of 0.5°, by a simulator of the study's own. The header states no"

@@ -41,7 +41,8 @@ class LikelihoodErrors(RunErrors):
     """The same for the likelihood fit, with the share of its intervals that hold the truth and the 95 %
     binomial interval of that share; `rms_in_stds` is the rms of error over stated standard uncertainty.
 
-    `agrees` says whether share and scatter agree with the prediction; None until the study is judged.
+    `agrees` says whether share and scatter agree with the prediction, which is for the nominal arm,
+    `as_stated` whether they agree with what the fits of the runs state; None until the study is judged.
     """
 
     held: float
@@ -49,6 +50,7 @@ class LikelihoodErrors(RunErrors):
     held_high: float
     rms_in_stds: float
     agrees: bool | None = None
+    as_stated: bool | None = None
 
 
 @record(repr=False)
@@ -117,6 +119,11 @@ class GridCase:
         """Whether the runs agree with the prediction of every parameter; None without runs."""
         verdicts = [one.likelihood.agrees for one in self.parameters if one.likelihood is not None]
         return all(verdicts) if verdicts else None
+
+    @property
+    def as_stated(self) -> bool:
+        """Whether the errors of every parameter are as the fits of the runs state."""
+        return all(one.likelihood.as_stated for one in self.parameters if one.likelihood is not None)
 
 
 @dataclass(frozen=True)

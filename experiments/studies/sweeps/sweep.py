@@ -8,7 +8,6 @@ with the prediction.
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -64,7 +63,6 @@ def sweep(
     With a `store` each finished case is kept in that file at once, and cases that it has are not computed
     again: the answer is the same. The study agrees if no case's simulated runs contradict the prediction.
     """
-    began = time.perf_counter()
     every = (*study.cases, *study.beside)
     prints = "\n".join(case.fingerprint for case in every)
     heading = heading_of(study.content.study, seed, settings=hashlib.sha256(prints.encode()).hexdigest())
@@ -90,7 +88,6 @@ def sweep(
         headline=headline(axes, cases, beside),
         agrees=all(case.agrees is not False for case in answers if case.verdict != "degenerate"),
         settings=settings,
-        seconds=time.perf_counter() - began,
         notes=(*findings(axes, cases), *notes(settings, answers)),
         axes=axes,
         cases=cases,
@@ -295,29 +292,26 @@ def judged(cases: Sequence[GridCase]) -> tuple[GridCase, ...]:
     identified a parameter must scatter as predicted before the measurements. Elsewhere the model is not
     linear over the weakly observable directions, and it must scatter as each fit states of itself.
     """
-    tests = {
-        (k, i): _p_values(case, one.std, one.likelihood)
-        for k, case in enumerate(cases)
-        for i, one in enumerate(case.parameters)
-        if one.likelihood is not None and one.std is not None
-    }
-    alarm = FALSE_ALARM / max(sum(map(len, tests.values())), 1)
+    rows = [one for case in cases for one in case.parameters if one.likelihood and one.std is not None]
+    alarm = FALSE_ALARM / max(2 * len(rows), 1)  # two tests of each
 
-    def with_judgement(k: int, i: int, one: CaseParameter) -> CaseParameter:
-        if (k, i) not in tests or one.likelihood is None:
+    def with_judgement(case: GridCase, one: CaseParameter) -> CaseParameter:
+        of = one.likelihood
+        if of is None or one.std is None:
             return one
-        return replace(one, likelihood=replace(one.likelihood, agrees=min(tests[k, i]) >= alarm))
+        share = float(stats.binomtest(round(of.held * of.runs), of.runs, LEVEL).pvalue)
+        predicted, by_fits = _scatter_p(of, of.rmse / one.std), _scatter_p(of, of.rms_in_stds)
+        scatter = predicted if case.verdict == "pass" else by_fits
+        verdicts = {"agrees": min(share, scatter) >= alarm, "as_stated": min(share, by_fits) >= alarm}
+        return replace(one, likelihood=replace(of, **verdicts))
 
     return tuple(
-        replace(case, parameters=tuple(with_judgement(k, i, one) for i, one in enumerate(case.parameters)))
-        for k, case in enumerate(cases)
+        replace(case, parameters=tuple(with_judgement(case, row) for row in case.parameters))
+        for case in cases
     )
 
 
-def _p_values(case: GridCase, std: float, of: LikelihoodErrors) -> tuple[float, float]:
-    """Of the share of intervals and of the scatter, if the prediction holds."""
-    squares = of.runs * (of.rmse / std if case.verdict == "pass" else of.rms_in_stds) ** 2
-    return (
-        float(stats.binomtest(round(of.held * of.runs), of.runs, LEVEL).pvalue),
-        2 * float(min(stats.chi2.cdf(squares, of.runs), stats.chi2.sf(squares, of.runs))),
-    )
+def _scatter_p(of: LikelihoodErrors, ratio: float) -> float:
+    """The p-value of an rms of errors that is `ratio` of what it should be."""
+    squares = of.runs * ratio**2
+    return 2 * float(min(stats.chi2.cdf(squares, of.runs), stats.chi2.sf(squares, of.runs)))

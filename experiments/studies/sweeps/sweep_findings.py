@@ -182,6 +182,11 @@ def _agreement(cases: Sequence[GridCase]) -> list[str]:
         if off:
             named = f"{len(off)} of {len(those)} {which}: {listed(off, _MOST_NAMED)}"
             parts.append(f"The simulated runs contradict the prediction in {named}.")
+            if those is counting and all(case.agrees or case.as_stated for case in those):
+                parts.append(
+                    "There the errors are as the fits of the runs state: the prediction is for the nominal"
+                    " arm, and these arms are far from it."
+                )
         elif those and those is counting:
             which = " that are not degenerate" if degenerate else ""
             parts.append(f"The simulated runs agree with the prediction in all {len(those)} cases{which}.")

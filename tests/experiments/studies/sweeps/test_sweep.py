@@ -313,7 +313,9 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
     def alone(case: Json) -> list[Json]:
         """The rows without what the whole study says of them."""
         rows = [row for row in case["parameters"] if row["std"]]
-        return [{**row, "likelihood": {**row["likelihood"], "agrees": None}} for row in rows]
+        return [
+            {**row, "likelihood": {**row["likelihood"], "agrees": None, "as_stated": None}} for row in rows
+        ]
 
     assert alone(other) == alone(same)
     # Another seed is another set of arms.
@@ -441,7 +443,13 @@ def test_a_degenerate_case_is_no_promise(study: SettingsStudy, monkeypatch: pyte
 
 def test_a_weak_plan_is_judged_by_what_its_own_fits_say() -> None:
     assert agreeing(made(1.0, 0.95, "weak", rmse=0.04)) is True
-    assert agreeing(made(1.0, 0.95, "pass", rmse=0.04)) is False
+    (case,) = judged([made(1.0, 0.95, "pass", rmse=0.04)])
+    assert (case.agrees, case.as_stated) == (False, True)
+    # Errors as the fits state, but not as predicted for the nominal arm: it is said to be that.
+    assert "prediction in 1 of 1 cases: it. There the errors are as the fits" in headline([], [case])
+    (case,) = judged([made(1.3, 0.8, "pass")])
+    assert (case.agrees, case.as_stated) == (False, False)
+    assert "There the errors" not in headline([], [case])
 
 
 def test_the_alarm_is_for_the_whole_study() -> None:
