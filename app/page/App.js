@@ -2,8 +2,8 @@
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
-import { go, route, STEPS, toImport, toJob } from "./core/route.js";
-import { calibrationOf, file, lostDraftsOf } from "./core/editing.js";
+import { calibrationOf, go, route, STEPS, toImport, toJob } from "./core/route.js";
+import { file, lostDraftsOf } from "./core/editing.js";
 import { begun, calibration, failed, fault, home, notice } from "./core/store.js";
 import { capital } from "./core/words.js";
 import { Drafts } from "./home/Drafts.js";

@@ -12,6 +12,7 @@ from chromium import Tab, chromium
 pytestmark = pytest.mark.browser
 
 POINT = "At a point that I state"
+REFUSED = "document.querySelector('.new [aria-invalid=true]')?.closest('label').textContent"
 ALERT = "document.querySelector('.new .bar [role=alert]')?.textContent ?? ''"
 
 
@@ -79,3 +80,19 @@ def test_why_there_is_no_plan_is_said_and_nothing_is_left(folder: Path, tab: Tab
     assert why in tab.text
     assert "Nothing is left in the folder" in tab.text
     assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
+
+
+def test_a_name_that_is_refused_is_written_anew_and_taken(folder: Path, tab: Tab) -> None:
+    (folder / "taken").mkdir()
+    tab.on(lambda page: page.get_by_text("Name, serial number, number of measurements").click())
+    fill(tab, "Name of the calibration", "taken")
+    fill(tab, "Measurements", "4")
+    make(tab)
+    wait(tab, f"({REFUSED})?.includes('there is a folder of this name')")
+    make(tab)  # the same again is refused by the server, not by the page
+    wait(tab, f"({REFUSED})?.includes('there is a folder of this name')")
+    assert "Nothing was begun" not in tab.text
+    tab.on(lambda page: page.locator(".new [aria-invalid=true]").fill("free"))
+    wait(tab, "!document.querySelector('[aria-invalid=true]')")
+    make(tab)
+    wait(tab, "location.hash.startsWith('#/job/free/plan')", 180)

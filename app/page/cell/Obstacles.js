@@ -1,9 +1,9 @@
 // Obstacles of the cell, a constraint of the plan: boxes and floor, taken from a file or written to one.
 import { html } from "htm/preact";
-import { signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import { getFile, put } from "../core/api.js";
 import { answer, change, chosen } from "../core/editing.js";
-import { attempt, freeName, inside, ofKind, refresh, say, versionOf } from "../core/store.js";
+import { attempt, freeName, inside, ofCalibration, ofKind, refresh, say, versionOf } from "../core/store.js";
 import { route } from "../core/route.js";
 import { Choice } from "../parts/Choice.js";
 import { NumberField } from "../parts/NumberField.js";
@@ -12,7 +12,7 @@ import { problemAt, state, stated } from "./keys.js";
 
 const SIZE = 200; // mm, of a new box
 const AT = ["constraints", "obstacles"];
-const file = signal("");
+const file = ofCalibration("");
 
 const add = () => change(null, (content) => {
   const at = (answer.value?.scene?.[chosen.value ?? 0]?.target ?? [500, 0, 500]).map(Math.round);

@@ -2,7 +2,7 @@
 import { begin, outOf, well } from "./jobs.js";
 import { change, file, open, plan } from "./editing.js";
 import { failed, refresh } from "./store.js";
-import { go, route, toJob } from "./route.js";
+import { calibrationOf, go, goOn, route, toJob } from "./route.js";
 
 /**
  * @typedef {{kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: number[][], targets?: string[] | null, again?: (number | null)[] | null} | {kind: "step", step: import("./route.js").Step}} Deed
@@ -11,7 +11,7 @@ import { go, route, toJob } from "./route.js";
 
 /** @param {Deed} deed @param {(job: import("./jobs.js").Followed) => void} begun */
 export async function doAction(deed, begun) {
-  const { name } = route.value;
+  const from = route.value, { name } = from;
   if (deed.kind === "step") go(toJob(name, deed.step, deed.step === "plan" || deed.step === "cell" ? file.value : ""));
   else if (deed.kind === "postures") apply(deed);
   else {
@@ -21,8 +21,8 @@ export async function doAction(deed, begun) {
     await refresh();
     if (!well(ended)) return;
     const out = outOf(deed.command);
-    if (deed.then === "plan" && out) go(toJob(name, "plan", out));
-    else if (deed.then === "result" && out) go(toJob(name, "result", `${out.replace(/\/+$/, "")}/result.json`));
+    if (deed.then === "plan" && out) goOn(from, toJob(calibrationOf(out), "plan", out));
+    else if (deed.then === "result" && out) goOn(from, toJob(name, "result", `${out.replace(/\/+$/, "")}/result.json`));
   }
 }
 

@@ -1,6 +1,7 @@
 // The plan that is open: its content, undone and redone, kept as a draft until it is saved, and what the server says of it.
 import { batch, computed, effect, signal } from "@preact/signals";
 import { get, getFile, latest, post, put, Refused } from "./api.js";
+import { calibrationOf } from "./route.js";
 import { begun, failed, refresh, say, versionOf } from "./store.js";
 
 /**
@@ -108,9 +109,6 @@ export function lostDrafts() {
   } catch { /* a browser that keeps nothing has no drafts */ }
   return names.flatMap((name) => (versionOf(name) === null ? draftOf(name) ?? [] : [])).sort((a, b) => b.when.localeCompare(a.when));
 }
-
-/** The calibration that a plan is of, by its folder. @param {string} plan */
-export const calibrationOf = (plan) => (plan.includes("/") ? plan.slice(0, plan.lastIndexOf("/")) : ".");
 
 /** The drafts of a calibration whose plans' files are gone. @param {string} name */
 export const lostDraftsOf = (name) => lostDrafts().filter((draft) => calibrationOf(draft.plan) === name);

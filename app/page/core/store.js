@@ -47,6 +47,16 @@ export async function attempt(work) {
   }
 }
 
+/** State that each calibration has of its own: what is set in one is as it begins in another. @template T @param {T} first */
+export function ofCalibration(first) {
+  const all = signal(/** @type {Map<string, T>} */ (new Map()));
+  return {
+    /** @returns {T} */
+    get value() { return all.value.get(route.value.name) ?? first; },
+    set value(next) { all.value = new Map(all.value).set(route.value.name, next); },
+  };
+}
+
 let silence = 0;
 /** @param {string} text */
 export function say(text) {

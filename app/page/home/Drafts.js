@@ -1,7 +1,6 @@
 // Drafts of plans whose files are gone: this browser alone has them.
 import { html } from "htm/preact";
-import { calibrationOf } from "../core/editing.js";
-import { toJob } from "../core/route.js";
+import { calibrationOf, toJob } from "../core/route.js";
 
 /** @param {{drafts: import("../core/editing.js").Draft[]}} props */
 export function Drafts({ drafts }) {

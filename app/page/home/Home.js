@@ -4,7 +4,7 @@ import { computed, signal, useSignal } from "@preact/signals";
 import { post } from "../core/api.js";
 import { lostDrafts } from "../core/editing.js";
 import { begin, well } from "../core/jobs.js";
-import { toImport, toJob, go } from "../core/route.js";
+import { goOn, route, toImport, toJob } from "../core/route.js";
 import { attempt, home, refresh } from "../core/store.js";
 import { counted } from "../core/words.js";
 import { JobProgress } from "../parts/JobProgress.js";
@@ -49,11 +49,12 @@ export function Home() {
   /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
   const job = useSignal(null);
   const rehearse = () => attempt(async () => {
+    const from = route.value;
     const example = await post("/api/example", {});
     job.value = await begin(example.command);
     if (well(await job.value.ended)) {
       await refresh();
-      go(toJob(example.name, "measure"));
+      goOn(from, toJob(example.name, "measure"));
     }
   });
   return html`

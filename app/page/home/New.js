@@ -4,15 +4,15 @@ import { useEffect, useMemo } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get, latest, post, Refused } from "../core/api.js";
 import { begin, well } from "../core/jobs.js";
-import { go, toJob } from "../core/route.js";
+import { goOn, route, toJob } from "../core/route.js";
 import { attempt, failed, home, ofKind, refresh, robots } from "../core/store.js";
 import { MOUNTED, mountedWords } from "../core/mounting.js";
 import { fixed, sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
+import { Form, Submit } from "../parts/Form.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
-import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 
 /**
@@ -45,7 +45,7 @@ export function New() {
   const robot = useSignal(""), instrument = useSignal(""), place = useSignal(""), name = useSignal(""), serial = useSignal("");
   const point = useSignal(/** @type {(number | null)[]} */ ([null, null, null]));
   const measurements = useSignal(/** @type {number | null} */ (null));
-  const wrong = useSignal(/** @type {Refused | null} */ (null)), lines = useSignal(/** @type {string[]} */ ([]));
+  const wrong = useSignal(/** @type {Refused | null} */ (null)), sent = useSignal(""), lines = useSignal(/** @type {string[]} */ ([]));
   const proposal = useSignal(/** @type {Proposal | null} */ (null));
   /** How the instrument is mounted where that is not as assumed. @type {import("@preact/signals").Signal<Record<string, number[]>>} */
   const mounted = useSignal({});
@@ -70,23 +70,27 @@ export function New() {
   for (let k = 2; taken.has(proposed); k++) proposed = `${stem}-${k}`;
   const at_mm = (/** @type {string} */ kind) => proposal.value?.places.find((one) => one.kind === kind)?.at_mm.map((v) => fixed(v, 0)).join(", ");
   const assumed = proposal.value?.mounted ?? {}, mounting = Object.entries({ ...assumed, ...mounted.value });
+  const entries = () => ({
+    name: name.value.trim() || proposed, robot: robot.value, instrument: instrument.value,
+    place: { kind: place.value, ...(place.value === "point" ? { point_mm: point.value } : {}) },
+    mounted: mounted.value,
+    ...(serial.value.trim() ? { serial: serial.value.trim() } : {}), ...(measurements.value ? { measurements: measurements.value } : {}),
+  });
   const make = (/** @type {Event} */ event) => {
     event.preventDefault();
+    const from = route.value;
     attempt(async () => {
       wrong.value = null;
       lines.value = [];
       try {
-        const made = await post("/api/calibrations", {
-          name: name.value.trim() || proposed, robot: robot.value, instrument: instrument.value,
-          place: { kind: place.value, ...(place.value === "point" ? { point_mm: point.value } : {}) },
-          mounted: mounted.value,
-          ...(serial.value.trim() ? { serial: serial.value.trim() } : {}), ...(measurements.value ? { measurements: measurements.value } : {}),
-        });
+        const stated = entries();
+        sent.value = JSON.stringify(stated);
+        const made = await post("/api/calibrations", stated);
         job.value = await begin(made.command);
         const ended = await job.value.ended;
         if (well(ended) && ended.answer?.plan) {
           await refresh();
-          go(toJob(made.name, "plan"));
+          goOn(from, toJob(made.name, "plan"));
           return;
         }
         const left = ended.gone ? "" : await withdrawn(made);
@@ -98,11 +102,13 @@ export function New() {
       }
     });
   };
-  const at = (/** @type {string} */ key) => (wrong.value?.key[0] === key ? wrong.value.text : "");
-  const known = ["name", "robot", "serial"].includes(String(wrong.value?.key[0]));
+  // What was refused is of what was sent: another entry is not refused before it is sent.
+  const refusal = sent.value === JSON.stringify(entries()) ? wrong.value : null;
+  const at = (/** @type {string} */ key) => (refusal?.key[0] === key ? refusal.text : "");
+  const known = ["name", "robot", "serial"].includes(String(refusal?.key[0]));
   const busy = job.value !== null && !["done", "stopped", "failed"].includes(job.value.state.value.state);
   return html`
-    <form class="new" onSubmit=${make}>
+    <${Form} class="new" onSubmit=${make}>
       <fieldset><legend><b>1</b> Which arm?</legend>
         <${Choice} label="Robot" value=${robot.value} groups=${robotGroups()} none="choose an arm" onValue=${(/** @type {string} */ value) => { robot.value = value; }} />
         ${at("robot") && html`<p class="error" role="alert">${at("robot")}</p>`}
@@ -122,15 +128,15 @@ export function New() {
         </div><//>`}
       <${Fold} title="Name, serial number, number of measurements" kept>
         <div class="fields">
-          <${TextField} label="Name of the calibration" value=${name.value} placeholder=${proposed} error=${at("name")} onValue=${(/** @type {string} */ value) => { name.value = value; }} />
-          <${TextField} label="Serial number of the arm" value=${serial.value} error=${at("serial")} onValue=${(/** @type {string} */ value) => { serial.value = value; }} />
+          <${TextField} label="Name of the calibration" value=${name.value} placeholder=${proposed} error=${at("name")} sent onValue=${(/** @type {string} */ value) => { name.value = value; }} />
+          <${TextField} label="Serial number of the arm" value=${serial.value} error=${at("serial")} sent onValue=${(/** @type {string} */ value) => { serial.value = value; }} />
           <${NumberField} label="Measurements" value=${measurements.value} optional whole least=${2} placeholder="as few as are enough" onValue=${(/** @type {number | null} */ value) => { measurements.value = value; }} />
         </div>
       <//>
-      ${wrong.value && !known && html`<p class="error" role="alert">${wrong.value.text}</p>`}
+      ${refusal && !known && html`<p class="error" role="alert">${refusal.text}</p>`}
       ${at("name") && html`<p class="error" role="alert">${at("name")}</p>`}
       <p class="bar"><${Submit} disabled=${busy || !robot.value}>Make the plan<//>${!robot.value && html`<span class="muted">Choose an arm first.</span>`}</p>
       ${job.value && html`<${JobProgress} key=${job.value.id} job=${job.value} title="Making the plan" />`}
       <ul class="lines" role="alert">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
-    </form>`;
+    <//>`;
 }

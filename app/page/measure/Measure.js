@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
 import { getFile } from "../core/api.js";
 import { over } from "../core/jobs.js";
-import { go, route, toJob } from "../core/route.js";
+import { addressed, calibrationOf, go, route, toJob } from "../core/route.js";
 import { attempt, calibration, failed, versionOf } from "../core/store.js";
 import { named, spread, withUnit } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
@@ -16,7 +16,7 @@ import { Course } from "./Course.js";
 import { Hand } from "./Hand.js";
 import { CameraPicture, Face, Residuals, Trace } from "./Pictures.js";
 import { picture, planned, preparePlan, units } from "./picture.js";
-import { command, earlier, fetchEarlier, followedFile, listUnfinished, missing, now, progress, remarks, run, settled, state, underWay } from "./running.js";
+import { command, earlier, fetchEarlier, followedFile, here, listUnfinished, missing, now, progress, remarks, run, settled, state, underWay } from "./running.js";
 import { Start } from "./Start.js";
 import { Unfinished } from "./Unfinished.js";
 
@@ -72,28 +72,28 @@ function Drawer({ rows, tolerances, residuals, suspect, lines }) {
 
 /** Follows the address: a run file to look at, or a plan to carry out. @returns {string} the plan */
 function useAddress() {
-  const { file, name } = route.value, plans = calibration.value?.files.plan ?? [];
+  const { name } = route.value, file = addressed.value, plans = calibration.value?.files.plan ?? [];
   const plan = useSignal(/\.ya?ml$/.test(file) ? file : "");
   const isRun = /\.jsonl?$/.test(file);
   useEffect(() => {
     record.value = null;
     if (/\.ya?ml$/.test(file)) plan.value = file;
-    if (!file && underWay.value) go(toJob(name, "measure", followedFile.value), { replace: true });
+    if (!file && here.value && underWay.value) go(toJob(name, "measure", followedFile.value), { replace: true });
     if (!isRun || file === followedFile.value) return;
     attempt(async () => {
       const found = await getFile("run", file);
-      if (route.value.file !== file || followedFile.value === file) return;
+      if (addressed.value !== file || followedFile.value === file) return;
       record.value = found;
       if (found.plan) plan.value = found.plan;
     });
-  }, [file, followedFile.value]);
+  }, [name, file, followedFile.value]);
   return plan.value || plans[0] || "";
 }
 
 export function Measure() {
-  const addressed = useAddress(), { file, name } = route.value, at = state.value, seen = run.value;
-  const following = at !== null && (underWay.value ? true : !file || file === followedFile.value), picked = useSignal("");
-  const plan = following && command.value.length ? /** @type {string} */ (command.value.at(-1)) : picked.value || addressed;
+  const stated = useAddress(), { name } = route.value, file = addressed.value, at = state.value, seen = run.value;
+  const following = at !== null && here.value && (underWay.value || !file || file === followedFile.value), picked = useSignal("");
+  const plan = following && command.value.length ? /** @type {string} */ (command.value.at(-1)) : picked.value || stated;
   const version = versionOf(plan);
   useEffect(() => { preparePlan(plan, version).catch(failed); }, [plan, version]);
   useEffect(() => { attempt(listUnfinished); }, []);
@@ -113,6 +113,7 @@ export function Measure() {
     : html`<p class="muted centred">${plan ? "…" : "No plan to carry out yet."}</p>`;
   const inspector = html`
     ${missing.value && html`<p class="error" role="alert">${missing.value}</p>`}
+    ${underWay.value && !following && html`<p class="elsewhere">${followedFile.value ? html`A run of another calibration is under way: <a href=${toJob(calibrationOf(followedFile.value), "measure", followedFile.value)}>${followedFile.value}</a>.` : "A run is under way."} Another one can begin once it has ended.</p>`}
     ${confirming && html`<${Confirm} text=${seen.confirm} />`}
     ${byHand && html`<${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt} live=${seen.rig === "live"} />`}
     ${!underWay.value && html`<${Unfinished} /><h2>${following ? "Another run" : "Carry the plan out"}</h2><${Start} plan=${plan} onPlan=${(/** @type {string} */ value) => { picked.value = value; if (file) go(toJob(name, "measure", value), { replace: true }); }} />`}

@@ -4,13 +4,13 @@ import { signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { get } from "../core/api.js";
 import { hasEdits, saveEdits, wrong } from "../core/editing.js";
-import { go, route, toJob } from "../core/route.js";
-import { attempt, calibration, freeName, ofKind } from "../core/store.js";
+import { calibrationOf, go, route, toJob } from "../core/route.js";
+import { attempt, calibration, freeName, ofCalibration, ofKind } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
+import { Form, Submit } from "../parts/Form.js";
 import { Joint3 } from "../parts/Joint3.js";
 import { NumberField } from "../parts/NumberField.js";
-import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 import { outOf } from "../core/jobs.js";
 import { start } from "./running.js";
@@ -20,7 +20,7 @@ const USUAL = {
   scheme: "", address: "",
   port: /** @type {number | null} */ (80), egmPort: /** @type {number | null} */ (6510), sensorPort: /** @type {number | null} */ (6520), laser: "Local/DRV_1/zb_laser", closing: false, adaptive: false, tolerance: /** @type {number | null} */ (null),
 };
-const chosen = signal(USUAL);
+const chosen = ofCalibration(USUAL);
 
 /** The words of the command; what is left as it is usual is not stated. @param {typeof USUAL} now @param {string} plan @param {string} out */
 export function words(now, plan, out) {
@@ -87,7 +87,8 @@ export function Start({ plan, onPlan }) {
       }
       await start(list, password.value);
       password.value = file.value = "";
-      go(toJob(route.value.name, "measure", outOf(list)), { replace: true, sure: true });
+      const out = outOf(list);
+      go(toJob(calibrationOf(out), "measure", out), { replace: true, sure: true });
     }).finally(() => { busy.value = false; });
   };
   const port = (/** @type {string} */ label, /** @type {"port" | "egmPort" | "sensorPort"} */ key) => html`<${NumberField} label=${label} value=${now[key]} whole least=${1} most=${65535} onValue=${(/** @type {number | null} */ value) => set({ [key]: value })} />`;
@@ -96,7 +97,7 @@ export function Start({ plan, onPlan }) {
   const unready = busy.value || !plan || (now.rig === "live" && !(now.scheme && now.address.trim()));
   if (!plans.length) return html`<p>A run needs a plan. <a href=${toJob(route.value.name, "plan")}>Make one</a></p>`;
   return html`
-    <form class="start" aria-label="Start a run" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); begin(edited); }}>
+    <${Form} class="start" aria-label="Start a run" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); begin(edited); }}>
       <fieldset class="rigs"><legend class="label">What carries the plan out</legend>
         ${[["simulated", "Simulation"], ["manual", "By hand"], ["live", "By hand, joints read from the controller"], ["abb", "ABB robot"]].map(([rig, text]) => html`<label class="check" key=${rig}><input type="radio" name="rig" value=${rig} checked=${now.rig === rig} onChange=${() => set({ rig })} /> ${text}</label>`)}
       </fieldset>
@@ -131,5 +132,5 @@ export function Start({ plan, onPlan }) {
         <${Submit} disabled=${unready}>${edited ? "Save the plan. " : ""}${{ simulated: "Start the simulation", manual: "Start", live: "Start: connects to the controller", abb: "Start: asks before the robot moves" }[now.rig]}<//>
         ${edited && html`<button type="button" disabled=${unready} onClick=${() => begin(false)}>Start by the plan as it was saved</button>`}
       </p>
-    </form>`;
+    <//>`;
 }

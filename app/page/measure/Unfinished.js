@@ -1,7 +1,7 @@
 // Runs that have not reached their end, to go on with.
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
-import { go, route, toJob } from "../core/route.js";
+import { calibrationOf, go, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
 import { start, unfinished } from "./running.js";
 
@@ -20,7 +20,7 @@ function Item({ one }) {
     busy.value = true;
     attempt(async () => {
       await start(controller ? [...resume.slice(0, -1), `${abb ? "--host" : "--rig"}=${where}`, ...resume.slice(-1)] : resume, password.value);
-      go(toJob(route.value.name, "measure", one.file), { replace: true, sure: true });
+      go(toJob(calibrationOf(one.file), "measure", one.file), { replace: true, sure: true });
     }).finally(() => { busy.value = false; });
   };
   return html`
@@ -35,6 +35,8 @@ function Item({ one }) {
 }
 
 export function Unfinished() {
-  if (!unfinished.value.length) return null;
-  return html`<h2>Runs that have not reached their end</h2><ul class="unfinished">${unfinished.value.map((one) => html`<${Item} key=${one.file} one=${one} />`)}</ul>`;
+  const { name } = route.value, own = unfinished.value.filter((one) => calibrationOf(one.file) === name), others = unfinished.value.filter((one) => calibrationOf(one.file) !== name);
+  return html`
+    ${own.length > 0 && html`<h2>Runs that have not reached their end</h2><ul class="unfinished">${own.map((one) => html`<${Item} key=${one.file} one=${one} />`)}</ul>`}
+    ${others.length > 0 && html`<p class="muted elsewhere">Not at their end in other calibrations: ${others.map((one, i) => html`${i > 0 && ", "}<a key=${one.file} href=${toJob(calibrationOf(one.file), "measure", one.file)}>${one.file}</a>`)}</p>`}`;
 }

@@ -2,6 +2,7 @@
 import { computed, signal } from "@preact/signals";
 import { get, getFile, Refused } from "../core/api.js";
 import { begin, follow, outOf, over } from "../core/jobs.js";
+import { calibrationOf, route } from "../core/route.js";
 import { failed, fault, refresh, say } from "../core/store.js";
 import { counted, duration } from "../core/words.js";
 import { begun, heard } from "./events.js";
@@ -33,6 +34,9 @@ const sent = signal([]);
 export const command = computed(() => (state.value?.command.length ? state.value.command : sent.value));
 /** The run file that is followed. */
 export const followedFile = computed(() => (state.value ? outOf(command.value) || run.value.file : ""));
+
+/** Whether what is followed is of the calibration that is open: in another it is a link. */
+export const here = computed(() => followedFile.value !== "" && calibrationOf(followedFile.value) === route.value.name);
 
 let painting = 0;
 /** @type {RunSeen} */

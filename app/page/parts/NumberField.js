@@ -3,6 +3,7 @@ import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { ALLOWED, parsed, typed } from "../core/decimal.js";
+import { useFault } from "./Form.js";
 
 /**
  * @param {{label: string, value: number | null | undefined, unit?: string, onValue: (value: number | null) => void, optional?: boolean,
@@ -21,14 +22,15 @@ export function NumberField({ label, value, unit = "", onValue, optional = false
       : number < least ? `allowed: at least ${least}` : number > most ? `allowed: at most ${most}` : "";
     if (number !== null && !refused.value) onValue(number);
   };
-  const problem = refused.value || error;
+  const problem = refused.value || error, called = unit ? `${label}, ${unit}` : label;
+  const field = useFault(problem ? `${called}: ${problem}` : !optional && shown === "" ? `${called}: a number is missing` : "");
   return html`
     <label class=${`number${problem ? " wrong" : ""}${beyond ? " beyond" : ""}`}>
       <span class=${hidden ? "unseen" : "label"}>${label}</span>
       <span class="together">
         ${slider && html`<input type="range" min=${least} max=${most} step=${whole ? 1 : "any"} value=${value ?? 0} aria-label=${label} aria-valuetext=${`${shown} ${unit}`}
           onInput=${(/** @type {any} */ event) => onValue(Number(Number(event.target.value).toFixed(digits)))} />`}
-        <input type="text" inputmode=${whole && least >= 0 ? "numeric" : "decimal"} autocomplete="off" spellcheck=${false} value=${typing.value ? text.value : refused.value ? text.value : shown} placeholder=${placeholder} aria-invalid=${Boolean(problem)} data-needed=${!optional && shown === "" ? true : undefined} aria-label=${unit ? `${label}, ${unit}` : label}
+        <input type="text" inputmode=${whole && least >= 0 ? "numeric" : "decimal"} autocomplete="off" spellcheck=${false} value=${typing.value ? text.value : refused.value ? text.value : shown} placeholder=${placeholder} aria-invalid=${Boolean(problem)} aria-label=${called} ref=${field}
           onFocus=${() => { text.value = refused.value ? text.value : shown; typing.value = true; }} onBlur=${() => { typing.value = false; }}
           onInput=${(/** @type {any} */ event) => take(event.target.value)} />
         ${unit && html`<span class="unit" aria-hidden="true">${unit}</span>`}

@@ -5,8 +5,8 @@ import { downloadOf } from "../core/api.js";
 import { begin, over, well } from "../core/jobs.js";
 import { attempt, refresh } from "../core/store.js";
 import { sentence } from "../core/words.js";
+import { Submit } from "./Form.js";
 import { JobProgress } from "./JobProgress.js";
-import { Submit } from "./Submit.js";
 
 /** @typedef {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, files: string[]} | null>} Made */
 

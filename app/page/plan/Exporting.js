@@ -4,8 +4,9 @@ import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
 import { get } from "../core/api.js";
 import { file, save, unsaved } from "../core/editing.js";
-import { failed, freeName } from "../core/store.js";
+import { failed, freeName, ofCalibration } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
+import { Form } from "../parts/Form.js";
 import { Joint3 } from "../parts/Joint3.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
@@ -15,9 +16,8 @@ import { useWritten, Written } from "../parts/Written.js";
 
 /** @type {import("@preact/signals").Signal<PlanForm[] | null>} */
 const forms = signal(null);
-const form = signal("pdf");
-/** @type {import("@preact/signals").Signal<Record<string, string | number | null>>} */
-const options = signal({});
+const form = ofCalibration("pdf");
+const options = ofCalibration(/** @type {Record<string, string | number | null>} */ ({}));
 
 /** A file's name without its folder and ending. @param {string} name */
 const stemOf = (name) => name.replace(/^.*\//, "").replace(/\.[^.]*$/, "");
@@ -45,7 +45,7 @@ export function Exporting() {
   };
   const number = (/** @type {string} */ label, /** @type {string} */ name, /** @type {any} */ more = {}) => taken.includes(name) && html`<${NumberField} label=${label} optional least=${0} value=${options.value[name]} onValue=${(/** @type {number | null} */ value) => set({ [name]: value })} ...${more} />`;
   return html`
-    <form onSubmit=${onSubmit(ask)}>
+    <${Form} onSubmit=${onSubmit(ask)}>
       <div class="fields">
         <div class="wide"><${Choice} label="Form" value=${chosen.name} groups=${[["", forms.value.map((one) => [one.name, one.label])]]} onValue=${(/** @type {string} */ value) => { form.value = value; made.value = null; }} /></div>
         ${number("Speed", "speed", { unit: "°/s", placeholder: "10" })}${number("Rounding, mm or %", "zone", { placeholder: "0" })}
@@ -56,5 +56,5 @@ export function Exporting() {
         <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
       </div>
       <${Written} made=${made} button=${unsaved.value ? "Save and export" : "Export"} title="Export of the plan" />
-    </form>`;
+    <//>`;
 }

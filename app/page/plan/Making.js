@@ -1,24 +1,24 @@
 // Another plan by the command `plan`: the best of many candidate postures, or a pattern of the paper.
 import { html } from "htm/preact";
-import { signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import { getFile, put, Refused } from "../core/api.js";
 import { parsedList } from "../core/decimal.js";
 import { answer, chosen, plan } from "../core/editing.js";
 import { begin, over, well } from "../core/jobs.js";
-import { go, route, toJob } from "../core/route.js";
-import { attempt, calibration, failed, freeName, inside, ofKind, refresh } from "../core/store.js";
+import { calibrationOf, goOn, route, toJob } from "../core/route.js";
+import { attempt, calibration, failed, freeName, inside, ofCalibration, ofKind, refresh } from "../core/store.js";
 import { sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
+import { Form, Submit } from "../parts/Form.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
-import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 
 const OF_PLAN = " "; // the header of the plan that is open: no file has this name
 
 /** What is asked for; null: not stated. */
-const wish = signal({
+const wish = ofCalibration({
   kind: "optimal", target: /** @type {(number | null)[]} */ ([null, null, null]), shots: /** @type {number | null} */ (null), repeat: /** @type {number | null} */ (null), tolerance: /** @type {number | null} */ (null), most: /** @type {number | null} */ (30),
   criterion: "A", candidates: /** @type {number | null} */ (10000), facing: "0, 0, 1", acceptance: /** @type {number | null} */ (60), shortest: /** @type {number | null} */ (200), longest: /** @type {number | null} */ (2000),
   margin: /** @type {number | null} */ (5), obstacles: "", seed: /** @type {number | null} */ (0),
@@ -72,21 +72,22 @@ export function Making() {
   if (!headers.length) return html`<p class="muted">A plan needs a header (robot, instrument and noise). Begin with a <a href="#/new">new calibration</a>.</p>`;
   const make = (/** @type {Event} */ event) => {
     event.preventDefault();
+    const from = route.value;
     attempt(async () => {
       lines.value = [];
       const to = out.value.trim() || proposed, stated = now.target.every((one) => one !== null) ? /** @type {number[]} */ (now.target) : there ? there.map((/** @type {number} */ v) => Number(v.toFixed(3))) : null;
-      const from = header.value === OF_PLAN ? await headerFile(to) : header.value;
-      job.value = await begin(words(from, to, stated));
+      const stating = header.value === OF_PLAN ? await headerFile(to) : header.value;
+      job.value = await begin(words(stating, to, stated));
       const ended = await job.value.ended;
       await refresh();
       if (!well(ended) || !ended.answer) return;
       lines.value = [...ended.answer.said, ...(ended.answer.removed ? [ended.answer.removed] : [])];
-      if (ended.answer.plan !== null) go(toJob(route.value.name, "plan", to));
+      if (ended.answer.plan !== null) goOn(from, toJob(calibrationOf(to), "plan", to));
     }).catch(failed);
   };
   const number = (/** @type {string} */ label, /** @type {keyof typeof wish.value} */ key, /** @type {any} */ more = {}) => html`<${NumberField} label=${label} value=${now[key]} optional onValue=${(/** @type {number | null} */ value) => set({ [key]: value })} ...${more} />`;
   return html`
-    <form class="making" onSubmit=${make}>
+    <${Form} class="making" onSubmit=${make}>
       <div class="fields">
         <${Choice} label="Kind" value=${now.kind} groups=${[["", [["optimal", "optimal"], ["x", "X-Pattern"], ["y", "Y-Pattern"]]]]} onValue=${(/** @type {string} */ kind) => set({ kind })} />
         <${Choice} label="Header" value=${header.value} groups=${[["", headers]]} onValue=${(/** @type {string} */ value) => { header.value = value; }} />
@@ -106,5 +107,5 @@ export function Making() {
       <p class="bar"><${Submit} disabled=${job.value !== null && !over(job.value.state.value)}>Make the plan<//></p>
       ${job.value && html`<${JobProgress} job=${job.value} title="Making the plan" />`}
       <ul class="lines">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
-    </form>`;
+    <//>`;
 }

@@ -5,7 +5,7 @@ import { signal, useSignal } from "@preact/signals";
 import { beyond, counted, remarks } from "../core/counting.js";
 import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, lostDraftsOf, open, pending, plan, redo, restored, save, undo, unsaved, wrong } from "../core/editing.js";
 import { mountedIn } from "../core/mounting.js";
-import { go, route, toJob } from "../core/route.js";
+import { addressed, calibrationOf, go, route, toJob } from "../core/route.js";
 import { attempt, calibration, versionOf } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { DownloadDraft } from "../parts/DownloadDraft.js";
@@ -27,17 +27,19 @@ const tools = signal({ target: true, flange: false, joints: true, boxes: true })
 
 /** Opens the plan that the address names, else the newest of the calibration. */
 export function useAddressedPlan() {
-  const { file: addressed, name, step } = route.value, newest = calibration.value?.files.plan[0] ?? lostDraftsOf(name)[0]?.plan ?? "", wanted = addressed || newest, back = plan.value === null ? versionOf(wanted) : null;
+  const { name, step } = route.value, newest = calibration.value?.files.plan[0] ?? lostDraftsOf(name)[0]?.plan ?? "", wanted = addressed.value || newest, back = plan.value === null ? versionOf(wanted) : null;
   const opening = useSignal(false);
   useEffect(() => {
-    if (!wanted) { close(); return; }
+    if (!wanted || calibrationOf(file.value) !== name) close(); // what is left of another calibration is never shown in this one
+    if (!wanted) return;
     if (wanted !== file.value) {
       opening.value = true;
       attempt(() => open(wanted)).finally(() => { opening.value = false; });
     }
-    if (!addressed) go(toJob(name, step, wanted), { replace: true });
+    if (!addressed.value) go(toJob(name, step, wanted), { replace: true });
   }, [wanted, back]); // a file that is there again, or another one, is opened after all
-  return wanted && plan.value === null ? (opening.value ? "opening" : "failed") : plan.value === null ? "none" : "open";
+  const here = plan.value !== null && calibrationOf(file.value) === name;
+  return here ? "open" : wanted ? (opening.value ? "opening" : "failed") : "none";
 }
 
 /** Where the file is gone, nothing is left to show. */

@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get } from "../core/api.js";
 import { begin, follow, outOf, over, well } from "../core/jobs.js";
-import { go, route, toJob } from "../core/route.js";
+import { goOn, route, toJob } from "../core/route.js";
 import { attempt, refresh } from "../core/store.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
@@ -22,10 +22,11 @@ export function Bare({ run, analysed }) {
 
   /** @param {Followed} job @param {string} to */
   async function reported(job, to) {
+    const from = route.value;
     made.value = { job, title: `The report of ${run}` };
     if (!well(await job.ended)) return;
     await Promise.all([refresh(), loadHistory()]);
-    if (route.value.view === "job" && route.value.step === "result") go(toJob(route.value.name, "result", `${to.replace(/\/+$/, "")}/result.json`));
+    if (route.value.step === "result") goOn(from, toJob(from.name, "result", `${to.replace(/\/+$/, "")}/result.json`));
   }
   // A report that was begun before the page was loaded again is followed.
   useEffect(() => {

@@ -5,6 +5,7 @@ import { signal, useSignal } from "@preact/signals";
 import { get } from "../core/api.js";
 import { calibration, failed, files, freeName } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
+import { Form } from "../parts/Form.js";
 import { TextField } from "../parts/TextField.js";
 import { useWritten, Written } from "../parts/Written.js";
 import { Risks } from "./Risks.js";
@@ -38,7 +39,7 @@ export function Exports({ run }) {
   };
   const names = files.value.filter((one) => /\.(cfg|conf|txt|ya?ml)$/i.test(one.path)).map((one) => /** @type {[string, string]} */ ([one.path, one.path]));
   return html`
-    <form class="exports" onSubmit=${onSubmit(ask)}>
+    <${Form} class="exports" onSubmit=${onSubmit(ask)}>
       <div class="fields">
         <div class="wide"><${Choice} label="Form" value=${chosen.name} groups=${makers.map((of) => [of, all.filter((one) => one.maker === of).map((one) => [one.name, `${one.name}: ${one.about}`])])} onValue=${(/** @type {string} */ value) => { form.value = value; options.value = {}; made.value = null; }} /></div>
         <p class="muted">${chosen.about}</p>
@@ -54,5 +55,5 @@ export function Exports({ run }) {
         <${Risks} flags=${flags} />
       </div>
       <${Written} made=${made} button="Export" title=${`Export of ${run}`} />
-    </form>`;
+    <//>`;
 }

@@ -7,9 +7,9 @@ import { attempt, refresh } from "../core/store.js";
 import { toJob } from "../core/route.js";
 import { counted, marked, named } from "../core/words.js";
 import { typed } from "../core/decimal.js";
+import { Form, Submit } from "../parts/Form.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
-import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 import { estimateOf, expandedOf } from "./numbers.js";
 import { history } from "./state.js";
@@ -84,7 +84,7 @@ function Drift({ serial }) {
   return html`
     <h3>Drift, and the next calibration</h3>
     <p class="muted">The newest result of each run is put into a history, a database in this folder. Its pages say which changes of the offsets are real, and when the next calibration is due. ${files.length ? `${counted(files.length, "result")} of ${counted(new Set(stated.map((run) => run.serial)).size, "arm")}, with serial number and date.` : "No result here has a run that states a serial number and a date."}</p>
-    <form class="drift" onSubmit=${make}>
+    <${Form} class="drift" onSubmit=${make}>
       <div class="fields">
         ${serial && html`<label class="check"><input type="checkbox" checked=${all.value} onChange=${(/** @type {any} */ event) => { all.value = event.target.checked; }} /> All arms</label>`}
         <${NumberField} label="TCP tolerance" unit="mm" value=${tolerance.value} least=${1e-6} digits=${6} onValue=${(/** @type {number | null} */ value) => { tolerance.value = value; }} />
@@ -94,5 +94,5 @@ function Drift({ serial }) {
       </div>
       <p class="bar"><${Submit} main=${false} disabled=${!files.length || (made.value !== null && !over(made.value.job.state.value))}>Make the pages<//></p>
       ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${made.value.title}>${made.value.page && html`<p><a class="button" href=${pageOf(made.value.page)} target="_blank" rel="noopener">Open the page</a></p>`}<//>`}
-    </form>`;
+    <//>`;
 }

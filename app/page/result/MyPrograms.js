@@ -4,9 +4,10 @@ import { signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { get, upload } from "../core/api.js";
 import { route } from "../core/route.js";
-import { attempt, files, freeName, inside, refresh } from "../core/store.js";
+import { attempt, files, freeName, inside, ofCalibration, refresh } from "../core/store.js";
 import { sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
+import { Form } from "../parts/Form.js";
 import { Fold } from "../parts/Fold.js";
 import { Joint3 } from "../parts/Joint3.js";
 import { TextField } from "../parts/TextField.js";
@@ -15,7 +16,7 @@ import { useWritten, Written } from "../parts/Written.js";
 /** Endings of the languages whose positions are read. */
 const endings = signal(/** @type {string[]} */ ([]));
 /** What is typed for options that may be stated several times, one a line. */
-const options = signal({ tool: "", frame: "", base: "", near: "", accept: "", j3: "" });
+const options = ofCalibration({ tool: "", frame: "", base: "", near: "", accept: "", j3: "" });
 
 /** @typedef {{file: string, line: number, sentence: string, accepted?: boolean}} Line */
 /** What a conversion says where nothing is written. @param {{answer: {refused: Line[], listed: Line[], to_state: string[]}}} props */
@@ -47,7 +48,7 @@ export function MyPrograms({ run }) {
   const text = (/** @type {keyof typeof options.value} */ name, /** @type {string} */ label, /** @type {string} */ example) => html`<${TextField} label=${label} value=${options.value[name]} placeholder=${example} onValue=${(/** @type {string} */ value) => set({ [name]: value })} />`;
   const answer = made.value?.job.state.value.answer;
   return html`
-    <form class="program" onSubmit=${onSubmit(ask)}>
+    <${Form} class="program" onSubmit=${onSubmit(ask)}>
       <p class="muted">The values above were entered at the controller: taught positions then bring the arm to other places. Here they are rewritten to keep their places. Statements and every other byte stay; what cannot be converted is refused, by line.</p>
       <p class="muted">Convert all programs of the arm, or they will disagree. A whole backup: zerobeam positions keep FOLDER.</p>
       <${Choice} label="Program of the folder" value=${program.value} none="choose a program" groups=${[["", files.value.filter((one) => endings.value.some((ending) => one.path.toLowerCase().endsWith(ending))).map((one) => [one.path, one.path])]]} onValue=${(/** @type {string} */ value) => { program.value = value; made.value = null; }} />
@@ -61,5 +62,5 @@ export function MyPrograms({ run }) {
       <${TextField} label="New folder" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
       ${answer?.converted === false && html`<${Open} answer=${answer} />`}
       <${Written} made=${made} button="Convert the positions" title="Converted positions" disabled=${!program.value} after="Load the files, and approach the position that the table names slowly first." />
-    </form>`;
+    <//>`;
 }

@@ -1,7 +1,7 @@
 // The step Result: what a run determined, what it does to the TCP, and what to do with it.
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
-import { go, route, toJob } from "../core/route.js";
+import { addressed, go, route, toJob } from "../core/route.js";
 import { attempt, calibration, files } from "../core/store.js";
 import { named, sentence, WORDS } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
@@ -18,13 +18,13 @@ import { Enter, Offsets, Steps } from "./Offsets.js";
 import { Pairs } from "./Pairs.js";
 import { Picture } from "./Picture.js";
 import { MyPrograms } from "./MyPrograms.js";
-import { bareRun, failure, history, loadHistory, open, show } from "./state.js";
+import { bareRun, failure, history, loadHistory, open, show, shown } from "./state.js";
 
 /** @typedef {import("./types.js").Found} Found */
 
 /** The file that the address names, else the newest of the calibration: of a run its newest result, if there is one. */
 function useAddressed() {
-  const { file, name } = route.value, known = calibration.value, own = known?.state.file ?? "";
+  const { name } = route.value, file = addressed.value, known = calibration.value, own = known?.state.file ?? "";
   const ours = known ? [...known.files.result, ...known.files.run] : [];
   const wanted = file || (ours.includes(own) ? own : ours[0] ?? ""), isRun = files.value.find((one) => one.path === wanted)?.kind === "run";
   const made = isRun ? history.value?.runs.find((one) => one.file === wanted)?.results.find((one) => !one.error)?.file : undefined;
@@ -89,6 +89,7 @@ function Inspector({ found }) {
 export function Result() {
   const wanted = useAddressed(), found = open.value;
   if (!wanted) return html`<div class="alone"><h2>No result yet</h2><p>A run becomes a result here: measure the plan, or import a recording into this calibration.</p></div>`;
+  if (shown.value !== wanted) return html`<p class="muted centred" role="status">…</p>`; // nothing of another calibration
   if (failure.value) return html`<div class="alone"><p class="fault" role="alert">${failure.value}</p><${Others} /></div>`;
   if (found === null) return bareRun.value ? html`<div class="alone"><${Others} /><${Bare} key=${bareRun.value} run=${bareRun.value} analysed=${false} /></div>` : html`<p class="muted centred" role="status">…</p>`;
   return html`

@@ -12,6 +12,8 @@ export const open = signal(null);
 /** A run that has no report yet; "" where none is open. */
 export const bareRun = signal("");
 export const failure = signal("");
+/** The file that all this is of. */
+export const shown = signal("");
 /** @type {import("@preact/signals").Signal<import("./types.js").History | null>} */
 export const history = signal(null);
 
@@ -55,7 +57,7 @@ export const keepAnalysis = (answer, run) => { analyses.set(run, analysisOf(answ
 
 /** @param {string} file @param {boolean} isRun */
 export async function show(file, isRun) {
-  batch(clear);
+  batch(() => { clear(); shown.value = file; });
   try {
     if (isRun) {
       bareRun.value = file;
