@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_zyz
-from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, split_arguments
+from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
 
 _I = re.IGNORECASE
 _SECTION = re.compile(r"\.([A-Z][A-Z0-9_]*)(?:[ \t].*|[ \t]*)", _I)
@@ -60,7 +60,7 @@ def _sections(file: SourceFile, reading: BackupReading, stored: set[str]) -> lis
         elif section == "SYSDATA" and (system := _SYSTEM.fullmatch(line[0])) is not None:
             what: What = "tool" if system[1].upper() == "TOOL" else "frame"
             numbers = [float(each) for each in system[2].split()]
-            reading.frame(file, line.start(), what, "sysdata", from_zyz(numbers))
+            reading.frame(file, line.start(), what, "sysdata", pose_of(from_zyz, numbers))
     if section in ("PROGRAM", "TRANS", "JOINTS"):
         reading.unread(file, len(file.text), f"the file ends before .END of .{section}")
     return programs
@@ -117,12 +117,12 @@ def _transform(
     if (literal := _TRANS.fullmatch(put[2])) is not None:
         name = f"{file.name}:{line.start()}"
         numbers = [float(each) for each in literal[1].split(",")]
-        reading.frame(file, line.start(), what, name, from_zyz(numbers))
+        reading.frame(file, line.start(), what, name, pose_of(from_zyz, numbers))
         return name
     reading.added.add(name)
     poses = [one for one in reading.positions if one.name == name and one.kind == "cartesian"]
     if poses and (what, name) not in reading.frames:
-        reading.frame(poses[0].file, poses[0].spans[0][0], what, name, from_zyz(poses[0].values))
+        reading.frame(poses[0].file, poses[0].spans[0][0], what, name, pose_of(from_zyz, poses[0].values))
     return name if _NAME.fullmatch(put[2]) and not name.startswith(".") else None
 
 

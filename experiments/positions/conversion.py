@@ -368,7 +368,10 @@ def _shift(
     if not starts:
         return None
     steps = np.diag([_STEP] * 3) if one.offset is None else np.array([one.offset])
-    shifts = [_shift_at(*moved[number], step, one.axes, arm) for number in starts for step in steps]
+    every: tuple[What, ...] = ("frame", "tool") if one.axes is None else (one.axes,)
+    shifts = [
+        _shift_at(*moved[number], step, axes, arm) for number in starts for step in steps for axes in every
+    ]
     known = [shift for shift in shifts if shift is not None]
     return (max(known), one.offset is None) if known else None
 
@@ -378,7 +381,7 @@ def _shift_at(
     old: PositionFrames,
     new: PositionFrames,
     step: Matrix,
-    axes: What | None,
+    axes: What,
     arm: ArmChange,
 ) -> float | None:
     robot, display = arm.robot, arm.robot.display
@@ -387,18 +390,17 @@ def _shift_at(
     ends = []
     for joints, frames in ((moved.before, old), (moved.after, new)):
         pose = frames.pose(robot.fk(joints, "deg"))
-        poses = {"frame": by @ pose, "tool": pose @ by}
-        flanges = np.array([frames.flange(each) for what, each in poses.items() if axes in (None, what)])
-        rows, arrived = reach(robot, flanges, np.tile(joints / display, (len(flanges), 1)))
-        if not arrived.all():
+        flange = frames.flange(by @ pose if axes == "frame" else pose @ by)
+        rows, arrived = reach(robot, flange, (joints / display)[None])
+        if not arrived[0]:
             return None
-        ends.append(rows * display)
+        ends.append(rows[0] * display)
     try:
-        meant = np.array([arm.change(row) for row in ends[0]])
+        meant = arm.change(ends[0])
     except NotConvertible:
         return None
-    places = [(robot.fk(rows, "deg") @ old.tool)[:, :3, 3] for rows in (meant, ends[1])]
-    return float(np.linalg.norm(places[0] - places[1], axis=1).max())
+    places = (robot.fk(np.array([meant, ends[1]]), "deg") @ old.tool)[:, :3, 3]
+    return float(np.linalg.norm(places[0] - places[1]))
 
 
 # What is written

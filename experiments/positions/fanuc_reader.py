@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, Active, BackupReading, SourceFile, What
+from .position import NUMBER, Active, BackupReading, SourceFile, What, pose_of
 
 _M = re.MULTILINE
 _POINT = re.compile(r"^[ \t]*P\[[ \t]*(?P<number>\d+)[^\]\n]*\][ \t]*\{(?P<block>[^{}]*)\}[ \t]*;", _M)
@@ -47,9 +47,9 @@ def _variables(file: SourceFile, reading: BackupReading) -> None:
             elif taught and part[1] in ("$MNUFRAME", "$MNUTOOL"):
                 values = {key: text for key, text, _ in _VALUE.findall(file.text[head.end() : stop])}
                 known = set("XYZWPR") <= set(values) and "*" not in "".join(values.values())
-                pose = from_rpy([float(values[key]) for key in "XYZWPR"]) if known else None
+                pose = pose_of(from_rpy, [float(values[key]) for key in "XYZWPR"]) if known else None
                 what: What = "tool" if part[1] == "$MNUTOOL" else "frame"
-                reading.frame(file, head.start(), what, head[2], pose, "it is not in numbers")
+                reading.frame(file, head.start(), what, head[2], pose)
 
 
 def _listing(file: SourceFile, reading: BackupReading) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, SourceFile, Span, numbers_in
+from .position import NUMBER, BackupReading, SourceFile, Span, numbers_in, pose_of
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _PART = re.compile(r"^//(POS|INST)\b|^END[ \t\r]*$", _I | _M)
@@ -37,8 +37,7 @@ def read_inform(reading: BackupReading) -> None:
                     frame.start(),
                     "frame",
                     str(int(frame[1])),
-                    from_rpy(numbers) if numbers else None,
-                    "it is not in numbers",
+                    pose_of(from_rpy, numbers) if numbers else None,
                 )
         else:
             _job(file, reading)

@@ -6,7 +6,7 @@ import re
 from pathlib import PurePosixPath
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, Active, BackupReading, SourceFile, What, split_arguments
+from .position import NUMBER, Active, BackupReading, SourceFile, What, pose_of, split_arguments
 
 _I = re.IGNORECASE
 _FIELD = re.compile(rf"(?<![\w.$])([XYZABCST]|[AE][1-6])\s+({NUMBER})(?=\s*[,}}])", _I)
@@ -78,14 +78,12 @@ def _literal(file: SourceFile, literal: re.Match[str], reading: BackupReading) -
         return None  # a part of load data and the like
     defined = re.fullmatch(r"\$?(TOOL|BASE|ROBROOT)(?:_DATA\[(\d+)\])?", name or "", _I)
     if defined is not None:
-        pose = from_abc([values[key] for key in _POSE]) if set(_POSE) <= set(values) else None
+        pose = pose_of(from_abc, [values[key] for key in _POSE]) if set(_POSE) <= set(values) else None
         if defined[1].upper() == "ROBROOT":
             reading.base = pose
             return None
         what: What = "tool" if defined[1].upper() == "TOOL" else "frame"
-        return reading.frame(
-            file, pos, what, defined[2] or f"{file.name}:{file.line(pos)}", pose, "it is not in numbers"
-        )
+        return reading.frame(file, pos, what, defined[2] or f"{file.name}:{file.line(pos)}", pose)
     move = _MOVE.fullmatch(file.bare[line_start : file.bare.find("\n", pos) % (len(file.bare) + 1)])
     if file.stem == "$machine" or (name or "")[:1] == "$" or (move is not None and move[2]):
         return None

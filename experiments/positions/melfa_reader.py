@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, split_arguments
+from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
 
 _I = re.IGNORECASE
 _VALUES = rf"\([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*[ \t]*\)"
@@ -96,7 +96,7 @@ def _tool(
         reading.added.add(name)
         numbers = [*next(one.values for one in reading.positions if one.name == name)]
     if len(numbers) == 6 and ("tool", name) not in reading.frames:
-        reading.frame(file, pos, "tool", name, from_rpy(numbers))
+        reading.frame(file, pos, "tool", name, pose_of(from_rpy, numbers))
     return name or None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, split_arguments
+from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
 from .position_names import PositionNames
 from .script import Arguments, Script
 
@@ -72,8 +72,8 @@ class PacProgram(Script):
             self.kinds |= {name: {name[0] == "j"}} if re.match(r"[pj]\[", name) else {}
         if (made := re.fullmatch(_DEFINED, text, _I)) is not None:
             numbers = [float(each) for each in made[3].split(",")]
-            pose = from_rpy(numbers[:6]) if len(numbers) >= 6 else None
-            self.reading.frame(self.file, pos, _WHAT[made[1].lower()], made[2], pose, "it is not in numbers")
+            pose = pose_of(from_rpy, numbers[:6]) if len(numbers) >= 6 else None
+            self.reading.frame(self.file, pos, _WHAT[made[1].lower()], made[2], pose)
         if (change := _CHANGED.match(text)) is not None:
             self.active.set(_WHAT[change[1].lower()], pos, change[2] and str(int(change[2])))
             self.changed = True

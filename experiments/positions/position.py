@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Span = tuple[int, int]
 What = Literal["tool", "frame"]
 Doubt = Literal["relative", "computed", "elsewhere", "call", "group"]
+_LARGEST = 1e9  # mm, deg, pulses
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 
 
@@ -181,11 +182,13 @@ class BackupReading:
             self.refuse(
                 file, pos, f"{label} has positions of external axes, which may carry the arm or the work"
             )
+        if any(abs(float(file.text[slice(*span)])) > _LARGEST for span in spans):
+            return self.unread(file, pos, f"{label} has numbers that no arm reaches", label)
         kind: Literal["cartesian", "joints"] = "cartesian" if axes is None else "joints"
         one = TaughtPosition(file, name, label, file.line(pos), kind, tuple(spans), **others)
         one = replace(one, external=any(external))
         one = replace(one, axes=tuple(axes or ()), configuration_spans=tuple(configuration))
-        self.positions.append(one)
+        return self.positions.append(one)
 
     def six(
         self,
@@ -207,7 +210,13 @@ class BackupReading:
         return self.add(file, pos, name, label, spans[:6], configuration, external=external, **others)
 
     def frame(
-        self, file: SourceFile, pos: int, what: What, name: str, pose: Matrix | None, why: str = ""
+        self,
+        file: SourceFile,
+        pos: int,
+        what: What,
+        name: str,
+        pose: Matrix | None,
+        why: str = "it is not in numbers",
     ) -> None:
         """A tool or frame that the backup defines."""
         if (what, name) in self.frames:
@@ -383,6 +392,14 @@ class PositionLanguage(JointLanguage):
     case_sensitive: bool = False
     mark: str = "(?!)"
     beside: str = "(?!)"
+
+
+def pose_of(form: Callable[[Sequence[float]], Matrix], numbers: Sequence[float]) -> Matrix | None:
+    """(4, 4) of numbers in a form; None of such that are none of a tool or frame."""
+    try:
+        return form(numbers) if all(abs(number) < _LARGEST for number in numbers) else None
+    except ValueError:  # a quaternion of zeros
+        return None
 
 
 def numbers_in(text: str, start: int = 0) -> list[Span]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
+
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_quaternion
-from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, split_arguments
+from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
 
 _UNUSED = 9e9  # of an external axis
 _REST = r"(?<!PROC )(?<![\w\\.])"
@@ -81,7 +83,8 @@ def _declared(file: SourceFile, data: re.Match[str], reading: BackupReading, kin
         elif match is not None and not tool and match[2].upper() == "FALSE":
             why = f"{data['name']} is moved by an external unit"
         elif match is not None:
-            pose = _pose(match[2]) if tool else _pose(match[3]) @ _pose(match[4])
+            outer, inner = _pose(match[2 if tool else 3]), np.eye(4) if tool else _pose(match[4])
+            pose = None if outer is None or inner is None else outer @ inner
         reading.frame(file, pos, "tool" if tool else "frame", name, pose, why)
 
 
@@ -100,8 +103,8 @@ def _position(
         reading.unread(file, pos, f"{label} has no orientation", label)
 
 
-def _pose(text: str) -> Matrix:
-    return from_quaternion([float(text[start:end]) for start, end in numbers_in(text)])
+def _pose(text: str) -> Matrix | None:
+    return pose_of(from_quaternion, [float(text[start:end]) for start, end in numbers_in(text)])
 
 
 def _statement(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, split_arguments
+from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _POINT = re.compile(r"^[ \t]*Point\d+[ \t]*\{([^{}]*)\}", _M)
@@ -99,8 +99,12 @@ def _function(
             active.set("tool", line.start(), put[1] and str(int(put[1])))
         if (made := _TLSET.fullmatch(line[0])) is not None and made[2].count(",") == 5:
             numbers = numbers_in(made[2])
-            pose = from_abc([float(made[2][slice(*span)]) for span in numbers]) if len(numbers) == 6 else None
-            reading.frame(file, line.start(), "tool", made[1], pose, "it is not in numbers")
+            pose = (
+                pose_of(from_abc, [float(made[2][slice(*span)]) for span in numbers])
+                if len(numbers) == 6
+                else None
+            )
+            reading.frame(file, line.start(), "tool", made[1], pose)
         elif re.match(r"[ \t]*TLSet\b", line[0], _I):
             reading.refuse(file, line.start(), "TLSet: tools are set when the program runs")
     for line in lines:

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 
 from ...model.kinematics.orientation import from_rotation_vector
-from .position import NUMBER, BackupReading, arguments_of, numbers_in
+from .position import NUMBER, BackupReading, arguments_of, numbers_in, pose_of
 from .script import Arguments, Script
 
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
@@ -65,7 +65,7 @@ class UrProgram(Script):
         if not numbers or len(numbers[0]) != 6:
             return None
         if ("tool", name) not in self.reading.frames:
-            self.reading.frame(self.file, pos, "tool", name, from_rotation_vector(numbers[0]))
+            self.reading.frame(self.file, pos, "tool", name, pose_of(from_rotation_vector, numbers[0]))
         return name
 
     def add(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_xyz
-from .position import NUMBER, BackupReading, SourceFile, Span, What
+from .position import NUMBER, BackupReading, SourceFile, Span, What, pose_of
 from .position_names import PositionNames
 
 _ROOTS = ("world[0]", "flange[0]")
@@ -125,4 +125,5 @@ def _pose(
     if len(texts) < 6 or depth > 20 or not all(re.fullmatch(NUMBER, text) for text in texts):
         return None
     father = _pose(file, names.plain(poses[name].father), poses, names, depth + 1)
-    return None if father is None else np.asarray(father @ from_xyz([float(text) for text in texts]))
+    pose = pose_of(from_xyz, [float(text) for text in texts])
+    return None if father is None or pose is None else np.asarray(father @ pose)
