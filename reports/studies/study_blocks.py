@@ -140,11 +140,8 @@ def plan_title(name: str) -> str:
 
 def plan_facts(plan: PlanOfStudy, *more: tuple[str, str]) -> Facts:
     """A plan in words, its arm, measurements and noise, how many truths the arm could not meet, and more."""
-    noise = (
-        f"joint {numbers.exact(plan.noise.joint_deg, 'deg')}, spot {numbers.exact(plan.noise.spot_mm, 'mm')}"
-    )
     facts = [("Plan", sentence(plan.words)), ("Robot", clipped(plan.robot))]
-    return Facts([*facts, ("Measurements", str(plan.shots)), ("Noise", noise), *more])
+    return Facts([*facts, ("Measurements", str(plan.shots)), ("Noise", noise_in_words(plan.noise)), *more])
 
 
 def unmet_fact(failed: int) -> tuple[str, str]:

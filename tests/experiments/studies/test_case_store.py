@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from zerobeam.experiments.studies.cases import CaseStore
+from zerobeam.experiments.studies.cases import CaseStore, each_piece
 from zerobeam.model.errors import BadInput
 
+WORKED: list[int] = []
 HEADING = {"study": "own", "seed": 1, "settings": "abc", "versions": {"numpy": "2"}}
 
 
@@ -100,3 +101,31 @@ def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x", encoding="utf-8")
     with pytest.raises(BadInput, match="cannot be kept"):
         CaseStore(tmp_path / "file" / "own.jsonl", HEADING, dict)
+
+
+def squared(piece: int) -> dict[str, object]:
+    WORKED.append(piece)
+    if WORKED.count(3) == 1 and piece == 3:
+        raise KeyboardInterrupt
+    return {"square": piece**2}
+
+
+def test_a_stopped_study_goes_on_with_the_piece_under_way_to_the_same_answer(tmp_path: Path) -> None:
+    """The one engine of all studies: each piece is kept at once, and told; none is worked out twice."""
+    told: list[tuple[str, float]] = []
+
+    def carried_out() -> list[dict[str, object]]:
+        how = {"called": "arm", "processes": 1}
+        store = tmp_path / "own.jsonl"
+        return each_piece(store, HEADING, dict, squared, [2, 3, 4], lambda *now: told.append(now), **how)
+
+    WORKED.clear()
+    with pytest.raises(KeyboardInterrupt):
+        carried_out()
+    assert kept(tmp_path / "own.jsonl") == {0: {"square": 4}}
+    assert told == [("arm 0/3", 0.0), ("arm 1/3", 1 / 3)]
+    assert carried_out() == [{"square": 4}, {"square": 9}, {"square": 16}]
+    assert WORKED == [2, 3, 3, 4]
+    assert told[2:] == [("arm 1/3", 1 / 3), ("arm 2/3", 2 / 3), ("arm 3/3", 1.0)]
+    assert carried_out()[2] == {"square": 16}
+    assert len(WORKED) == 4

@@ -20,7 +20,6 @@ from zerobeam.experiments.studies.coverage import (
 )
 from zerobeam.experiments.studies.data_sets import Estimates, drawn, fitted
 from zerobeam.model import records
-from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.model.records import to_json
 
@@ -159,31 +158,6 @@ def test_a_piece_is_kept_to_the_last_bit():
     for name in ("value", "std", "kept"):
         np.testing.assert_array_equal(getattr(two, name), getattr(one, name))
     np.testing.assert_array_equal(ranks, np.arange(6).reshape(3, 2))
-
-
-@pytest.mark.long
-def test_a_study_that_was_stopped_goes_on_with_the_next_plan(plans, tmp_path, monkeypatch):
-    whole, _ = study_of(plans, ["good", "weak"], 10)
-    store, worked = tmp_path / "own.cases.jsonl", []
-    how = {"store": store, "processes": 1}
-    monkeypatch.setattr(coverage, "studied_plans", lambda seed: [plans["good"], plans["weak"]])
-    answer_of = coverage.answer_of
-
-    def stopped(piece):
-        worked.append(float(piece.data.joints[0, 0, 0]))
-        if len(worked) == 2:
-            raise KeyboardInterrupt
-        return answer_of(piece)
-
-    monkeypatch.setattr(coverage, "answer_of", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        coverage_study(10, SEED, lambda *_: None, **how)
-    resumed = to_json(coverage_study(10, SEED, lambda *_: None, **how))
-    assert len(worked) == 3
-    assert worked[1] == worked[2] != worked[0]
-    assert without_clock(resumed) == without_clock(whole)
-    with pytest.raises(BadInput, match="of another study: data_sets differs"):
-        coverage_study(11, SEED, lambda *_: None, **how)
 
 
 @pytest.mark.long

@@ -41,9 +41,9 @@ ALARM = 1e-4  # of one test of one offset
 SEVEN, TWELVE = (PlanCase(count, "nominal") for count in (7, 12))
 
 
-def study_of(count: int, *which: PlanCase, store: Path | None = None) -> GeometryStudy:
+def study_of(count: int, *which: PlanCase) -> GeometryStudy:
     """The study of some of its plans, chosen of few candidates."""
-    few = {"candidates": FEW_CANDIDATES, "cases": which, "store": store, "processes": 1}
+    few = {"candidates": FEW_CANDIDATES, "cases": which, "processes": 1}
     return geometry_study(count, 0, lambda name, share: None, **few)
 
 
@@ -109,25 +109,6 @@ def test_the_structure() -> None:
         for row in estimator["parameters"]:
             assert row["coverage"]["of"] == FEW_ARMS
             assert row["z_low"] < row["z"] < row["z_high"]
-
-
-@pytest.mark.long
-def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    store = tmp_path / "cases.jsonl"
-    made: list[str] = []
-
-    def once(piece: ArmsOfPlan) -> GeometryPlan:
-        made.append(piece.case.name)
-        if len(made) == 2:
-            raise KeyboardInterrupt
-        return answer_of(piece)
-
-    monkeypatch.setattr(module, "answer_of", once)
-    with pytest.raises(KeyboardInterrupt):
-        study_of(4, TWELVE, SEVEN, store=store)
-    answer = study_of(4, TWELVE, SEVEN, store=store)
-    assert made == ["12, nominal", "7, nominal", "7, nominal"]
-    assert [plan.name for plan in answer.plans] == ["12, nominal", "7, nominal"]
 
 
 def test_the_arms_deviate_by_their_tolerances_and_no_less() -> None:
