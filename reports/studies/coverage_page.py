@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -278,38 +278,29 @@ def _histogram(row: RankedParameter, above: str) -> tuple[CurvePanel, int]:
 # ── midpoint against likelihood ───────────────────────────────────────────────────────────────
 
 
-@dataclass(frozen=True)
-class RmseRatio:
-    """The rmse of the midpoint fit over that of the likelihood fit for one parameter, from the same data.
+def _ratios(plan: CoveragePlan) -> dict[str, tuple[float, float]]:
+    """The rmse of the midpoint fit over that of the likelihood fit, from the same data, with its standard
+    error, by the parameters that both determine; empty if the plan lacks one of the two.
 
     Each rmse of n data sets has the relative error 1/√(2n); the two share their data and are correlated, so
     that the standard error of the ratio is at most √2 times that.
     """
-
-    midpoint: ObservedParameter
-    likelihood: ObservedParameter
-    ratio: float
-    std: float
-
-
-def _ratios(plan: CoveragePlan) -> list[RmseRatio]:
-    """Of each parameter that both fits determine; empty if the plan lacks one of the two estimators."""
-    rows = {one.name: {row.name: row for row in one.parameters} for one in plan.estimators}
-    pairs = [
-        (row, rows["likelihood"][name])
-        for name, row in rows.get("midpoint", {}).items()
-        if name in rows.get("likelihood", {})
-    ]
-    ratios = [(one, other, one.rmse / other.rmse) for one, other in pairs if one.rmse and other.rmse]
-    return [RmseRatio(*ratio, ratio[-1] / math.sqrt(max(1, plan.data_sets))) for ratio in ratios]
+    rows = {one.name: {row.name: row.rmse for row in one.parameters} for one in plan.estimators}
+    likelihood, n = rows.get("likelihood", {}), max(1, plan.data_sets)
+    ratios = {
+        name: rmse / other
+        for name, rmse in rows.get("midpoint", {}).items()
+        if rmse and (other := likelihood.get(name))
+    }
+    return {name: (ratio, ratio / math.sqrt(n)) for name, ratio in ratios.items()}
 
 
 def comparison(plans: Sequence[CoveragePlan]) -> str:
     """How much worse the midpoint fit is, in a sentence; empty where no plan has both fits."""
     parts = []
     for plan in plans:
-        if ratios := sorted(_ratios(plan), key=lambda one: one.ratio):
-            between = numbers.interval((ratios[0].ratio, ratios[-1].ratio), ratios[-1].std)
+        if ratios := sorted(_ratios(plan).values()):
+            between = numbers.interval((ratios[0][0], ratios[-1][0]), ratios[-1][1])
             parts.append(f"{between} times for the plan {clipped(plan.name, blocks.LONGEST_NAME)}")
     if not parts:
         return ""
@@ -320,42 +311,24 @@ def comparison(plans: Sequence[CoveragePlan]) -> str:
 
 
 def _accuracy_picture(plans: Sequence[CoveragePlan]) -> Picture | None:
-    """Left the ratio of the two rmse, right the bias of each fit in units of its own rmse; None where there
-    are no ratios."""
+    """The ratio of the two rmse; None where there are none. The biases are in the tables."""
     rows, texts = [], []
     for plan in plans:
-        if not (ratios := _ratios(plan)):
-            continue
-        rows.append(MarkRow(f"plan {clipped(plan.name, 30)}", head=True))
-        for one in ratios:
-            half, words = NORMAL_95 * one.std, numbers.estimate(one.ratio, one.std)
-            ratio = Dot(one.ratio, max(one.ratio - half, 0), one.ratio + half, Look(role="ink"), words)
-            rows.append(MarkRow(label(one.midpoint.name, 9), [[ratio], _biases(one)]))
-        by_name = (f"{label(one.midpoint.name)} {numbers.estimate(one.ratio, one.std)}" for one in ratios)
-        texts.append(f"plan {clipped(plan.name, 40)}: {', '.join(by_name)}")
+        if ratios := _ratios(plan):
+            rows.append(MarkRow(f"plan {clipped(plan.name, 30)}", head=True))
+            words = [numbers.estimate(*ratio) for ratio in ratios.values()]
+            for (name, (ratio, std)), text in zip(ratios.items(), words, strict=True):
+                half = NORMAL_95 * std
+                dot = Dot(ratio, max(ratio - half, 0), ratio + half, Look(role="ink"), text)
+                rows.append(MarkRow(label(name, 9), [[dot]]))
+            by_name = (f"{label(name)} {text}" for name, text in zip(ratios, words, strict=True))
+            texts.append(f"plan {clipped(plan.name, 40)}: {', '.join(by_name)}")
     if not rows:
         return None
-    panels = [
-        Across("rmse, midpoint ÷ likelihood", lines=[1.0]),
-        Across("bias ÷ rmse, with 95 % interval", lines=[0.0]),
-    ]
     return rows_picture(
         "accuracy",
-        "The midpoint fit (eq. 8) against the likelihood fit, from the same data",
+        "The midpoint fit (eq. 8) against the likelihood fit, from the same data: ratio of their rmse, 95 %",
         f"The rmse of the midpoint fit as a multiple of the likelihood fit’s: {'; '.join(texts)}.",
         rows,
-        panels,
-        [(look, name) for name, look in _LOOKS.items()],
+        [Across("rmse, midpoint ÷ likelihood", lines=[1.0])],
     )
-
-
-_LOOKS = {"likelihood": Look(), "midpoint": Look(role="weak", shape="D")}
-
-
-def _biases(one: RmseRatio) -> list[Dot]:
-    marks = []
-    for name, row, up in (("likelihood", one.likelihood, 0.16), ("midpoint", one.midpoint, -0.16)):
-        if row.bias is not None and row.bias_mcse is not None and row.rmse:
-            at, half = row.bias / row.rmse, NORMAL_95 * row.bias_mcse / row.rmse
-            marks.append(Dot(at, at - half, at + half, _LOOKS[name], up=up))
-    return marks
