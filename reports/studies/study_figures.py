@@ -284,8 +284,8 @@ def curves_picture(
                 axes.set_visible(False)
                 continue
             _panel_of_curves(axes, panels[k], x)
-            last = k + wide >= len(panels) or (bool(panels[k].across) and not panels[-1].up)
-            axes.tick_params(labelsize=8.5, labelbottom=last)
+            below = k + wide >= len(panels) or bool(panels[k].across)
+            axes.tick_params(labelsize=8.5, labelbottom=below)
             axes.tick_params(labelleft=k % wide == 0 or panels[k].y != panels[k - k % wide].y)
         for words, say in ((across, figure.supxlabel), (up, figure.supylabel)):
             say(in_font(words), fontsize=9.5, color=light("muted"))

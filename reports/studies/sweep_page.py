@@ -157,7 +157,7 @@ def _least_certain(case: GridCase) -> str:
     if case.reason is not None:
         return ""
     if (one := case.worst) is not None:
-        return f"{label(one.name, 12)}: {_predicted(one)}"
+        return f"{label(one.name, 12)}: {_predicted(one)}{', assumed' * (one.status == 'assumed')}"
     names = [label(one.name, 12) for one in case.unidentifiable if one.group == "offset"]
     # Short enough for a column of the terminal.
     which = listed(names) if 0 < len(names) < 3 else counted(len(names), "offset")
@@ -269,9 +269,13 @@ def _meanings(study: GridStudy) -> list[LegendEntry]:
     limits = {tolerance(study, one) for one in study.parameters if one.is_angular_offset}
     at = limits.pop() if len(limits) == 1 else None
     limit = f"the tolerance of {numbers.exact(at, 'deg')}" if at is not None else "its tolerance"
+    assumed = any(one.status == "assumed" for one in study.parameters)
+    but = "; what is assumed is no part of it" if assumed else ""
+    every = "; or all that is estimated is as good as what is assumed of the tool" if assumed else ""
     texts: dict[CaseVerdict | None, str] = {
-        "pass": f"every offset has a predicted u within {limit}",
-        "weak": f"every offset is identifiable, but one or more only weakly observable: u exceeds {limit}",
+        "pass": f"every offset has a predicted u within {limit}{but}",
+        "weak": "every offset is identifiable, but one or more only weakly observable: u exceeds"
+        f" {limit}{every}",
         "degenerate": "one or more offsets are unidentifiable",
         None: "no such plan exists, for the reason below",
     }

@@ -215,6 +215,17 @@ def test_the_summary_has_verdict_and_reason_in_words() -> None:
     assert "No plan for ring: only 3 of 400 candidates see the PSD." in page
 
 
+def test_what_is_assumed_is_no_part_of_a_pass_and_is_said_to_be_that() -> None:
+    study = with_parameter(patterns_sweep(), 1, 4, status="assumed", std=1.1)
+    study = replace(study, cases=(study.cases[0], replace(study.cases[1], worst_std=1.1), *study.cases[2:]))
+    view = study_page(study)
+    (table,) = tables_of(view, SUMMARY)
+    assert texts(table.rows[1]) == ["y-pattern", "pass", "J6 (δ6): 1.1°, assumed", "yes"]
+    page = " ".join(Page(html(view, {}, "study")).text)
+    assert "within the tolerance of 0.1°; what is assumed is no part of it" in page
+    assert "assumed" not in " ".join(Page(html(study_page(patterns_sweep()), {}, "study")).text)
+
+
 def test_without_simulated_runs_nothing_is_said_of_them() -> None:
     view = study_page(map_sweep())
     heads = [column.text for table in tables_of(view, "") for column in table.columns]
