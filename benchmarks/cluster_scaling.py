@@ -29,6 +29,7 @@ from zerobeam.experiments.batch import PATTERN, run_files
 from zerobeam.experiments.cluster import PARCEL_BYTES, PARCELS_A_SECOND, Traffic, cluster
 from zerobeam.experiments.command_options import BatchSettings
 from zerobeam.experiments.processes import side_by_side
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.coverage import StudiedPlan, studied, studied_plans
 from zerobeam.reports.batch.carried_out import TOGETHER, batch
 
@@ -99,11 +100,11 @@ class Done:
 def study(plans: list[StudiedPlan], workers: int, data_sets: int) -> Done:
     began = time.perf_counter()
     with cluster(workers=workers) as traffic:
-        studied(plans, 100 * workers, 1, lambda *_: None)  # imports and kernels of each worker
+        studied(plans, 100 * workers, Engine(1))  # imports and kernels of each worker
         started = time.perf_counter() - began
         before = astuple(traffic)
         began, cores = time.perf_counter(), Cores()
-        answers = studied(plans, data_sets, 0, lambda *_: None)
+        answers = studied(plans, data_sets, Engine(0))
         spent = time.perf_counter() - began
         own, of_workers = cores.spent()
     sent = Traffic(*(now - then for now, then in zip(astuple(traffic), before, strict=True)))

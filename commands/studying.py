@@ -18,12 +18,13 @@ from .shared_options import Cluster, Json
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
+    from ..experiments.studies.cases import Engine
 
 studies = typer.Typer(
     help="Studies over simulated runs: coverage, and the effect of each setting.", no_args_is_help=True
 )
 
-Study = Callable[..., "StudyAnswer"]  # of the seed, the progress and the `store`
+Study = Callable[["Engine"], "StudyAnswer"]
 Settings = Callable[..., Study]
 
 Camera = Annotated[bool, Option("Find the PSD in pictures, or by the beam alone.", "--camera/--no-camera")]
@@ -38,6 +39,7 @@ def _carry_out(
     Its options are those of every study. Finished cases are kept next to the folder, which is written whole
     or not at all, to go on with; once the study is written they are no longer needed.
     """
+    from ..experiments.studies.cases import Engine
     from ..reports.output.whole_folder import check_target
     from ..reports.studies.kinds import study_kind, study_page, write_study
 
@@ -47,7 +49,7 @@ def _carry_out(
     try:
         with work, progress("study") as tell:
             began = time.perf_counter()
-            answer = study(seed, tell, store=store)
+            answer = study(Engine(seed, tell, store))
             answer = replace(answer, seconds=time.perf_counter() - began)
             tell("writing", 1.0)
             paths = write_study(folder, answer)

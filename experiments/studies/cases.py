@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -116,36 +117,46 @@ class CaseStore(Closing, Generic[Case]):
                 ) from None
 
 
-def heading_of(study: str, seed: int, **settings: object) -> dict[str, object]:
-    """The first line of a store: all that the finished cases of a study must have in common."""
-    return {"study": study, "seed": seed, **settings, "versions": versions()}
+@dataclass(frozen=True)
+class Engine:
+    """How a study is carried out: its `seed`, who is told of the `progress`; with a `store` finished pieces
+    are kept in that file at once, and a study that was stopped goes on from there; as many `processes` as
+    there are cores, or the workers of a cluster."""
 
+    seed: int
+    progress: Progress = lambda stage, share: None
+    store: Path | None = None
+    processes: int | None = None
 
-def each_piece(
-    store: Path | None,
-    heading: Mapping[str, object],
-    kind: type[Case],
-    work: Callable[[Piece], Case],
-    pieces: Sequence[Piece],
-    progress: Progress,
-    processes: int | None = None,
-    *,
-    called: str = "piece",
-) -> list[Case]:
-    """The answers of all pieces: those that the store has, else worked out side by side by `work`, a function
-    of a module, and kept at once. `called` is the name of a piece in the progress."""
+    def each(
+        self,
+        study: str,
+        kind: type[Case],
+        work: Callable[[Piece], Case],
+        pieces: Sequence[Piece],
+        *,
+        called: str = "piece",
+        **settings: object,
+    ) -> list[Case]:
+        """The answers of all pieces: those that the store has, else worked out side by side by `work`, a
+        function of a module. Kept pieces are of the same `settings`, seed and versions; `called` is the name
+        of a piece in the progress."""
+        heading = {"study": study, "seed": self.seed, **settings, "versions": versions()}
 
-    def tell() -> None:
-        progress(f"{called} {len(finished)}/{len(pieces)}", len(finished) / max(len(pieces), 1))
+        def tell() -> None:
+            share = len(finished) / max(len(pieces), 1)
+            self.progress(f"{called} {len(finished)}/{len(pieces)}", share)
 
-    with contextlib.nullcontext() if store is None else CaseStore(store, heading, kind) as kept:
-        finished = {} if kept is None else kept.done
-        tell()
-        numbers = [number for number in range(len(pieces)) if number not in finished]
-        with closing(side_by_side(work, [pieces[number] for number in numbers], processes)) as answered:
-            for job, answer in answered:
-                finished[numbers[job]] = answer
-                if kept is not None:
-                    kept.add(numbers[job], answer)
-                tell()
-    return [finished[number] for number in range(len(pieces))]
+        store = contextlib.nullcontext() if self.store is None else CaseStore(self.store, heading, kind)
+        with store as kept:
+            finished = {} if kept is None else kept.done
+            tell()
+            numbers = [number for number in range(len(pieces)) if number not in finished]
+            jobs = [pieces[number] for number in numbers]
+            with closing(side_by_side(work, jobs, self.processes)) as answered:
+                for job, answer in answered:
+                    finished[numbers[job]] = answer
+                    if kept is not None:
+                        kept.add(numbers[job], answer)
+                    tell()
+        return [finished[number] for number in range(len(pieces))]

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 
 from ...analysis.observability.identifiability import identify
-from ...model.arrays import Matrix, Progress
+from ...model.arrays import Matrix
 from ...model.files.header import Header
 from ...model.files.plan import Plan, planned
 from ...model.likelihood.problem import Problem
@@ -34,7 +34,7 @@ from .answer import (
     worst_share,
 )
 from .campaign import CellRun, Repeated, SeededRun, carried, seeds_of
-from .cases import each_piece, heading_of
+from .cases import Engine
 from .laser_plans import (
     MEASUREMENTS,
     SIGMA_MM,
@@ -173,23 +173,18 @@ def _needed_in_turn(plan: Plan) -> int | None:
 
 def cell_study(
     runs: int,
-    seed: int,
-    progress: Progress,
+    engine: Engine,
     *,
     camera: bool = True,
-    processes: int | None = None,
-    store: Path | None = None,
 ) -> CellStudy:
     """Carry out the whole study.
 
     It agrees if the intervals of every plan hold the truth as often as stated, and every control is detected.
-    With a `store` each run is kept in that file at once, and a study that was stopped goes on from there.
     """
-    progress("plans", 0.0)
-    plans = studied_plans(seed, camera)
-    pieces = [SeededRun(plan.repeated, one) for plan in plans for one in seeds_of(seed, runs)]
-    heading = heading_of("cell", seed, runs=runs, camera=camera)
-    made = each_piece(store, heading, CellRun, carried, pieces, progress, processes, called="run")
+    engine.progress("plans", 0.0)
+    plans = studied_plans(engine.seed, camera)
+    pieces = [SeededRun(plan.repeated, one) for plan in plans for one in seeds_of(engine.seed, runs)]
+    made = engine.each("cell", CellRun, carried, pieces, called="run", runs=runs, camera=camera)
     answers, controls = [], []
     for k, plan in enumerate(plans):
         of_plan = made[k * runs : (k + 1) * runs]
@@ -204,7 +199,7 @@ def cell_study(
         title="Does the whole chain hold what it states?",
         headline=_headline(runs, every),
         agrees=all(plan.agrees is not plan.control for plan in every),
-        settings=CellSettings(runs, seed, _LEVEL, camera, _ALARM, _LIMIT_S, _TOLERANCE_DEG),
+        settings=CellSettings(runs, engine.seed, _LEVEL, camera, _ALARM, _LIMIT_S, _TOLERANCE_DEG),
         plans=every,
         notes=(
             f"Every run has an arm of its own, with offsets of {plans[0].repeated.cell.arm.drawn_deg:g}°"

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -25,7 +24,7 @@ from ...analysis.observability.identifiability import identify
 from ...analysis.posterior.many_posteriors import LEAST_STEPS, TOGETHER, drawn_together
 from ...analysis.posterior.sampler import ROUND
 from ...analysis.status import has_numbers
-from ...model.arrays import Index, Mask, Matrix, Progress
+from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.density import Density
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.parameters import Parameter
@@ -42,7 +41,7 @@ from .answer import (
     observed,
     worst_share,
 )
-from .cases import each_piece, heading_of
+from .cases import Engine
 from .data_sets import (
     DataSets,
     Estimates,
@@ -181,22 +180,17 @@ class CoveragePieceAnswer:
 
 def coverage_study(
     data_sets: int,
-    seed: int,
-    progress: Progress,
-    *,
-    store: Path | None = None,
-    processes: int | None = None,
+    engine: Engine,
 ) -> CoverageStudy:
     """Carry out the whole study.
 
     It agrees if the intervals of the posterior, those of the likelihood's curvature where the plan is not
     nearly degenerate, and the ranks are as header, and every control is detected. The midpoint fit is the
-    paper's: where its intervals do not hold, that is a finding. With a `store` the answer of each piece (some
-    data sets of a plan) is kept in that file at once, and a study that was stopped goes on from there.
+    paper's: where its intervals do not hold, that is a finding.
     """
     with one_blas_thread(), compiled_at_once():
-        plans = studied_plans(seed)
-    answers = studied(plans, data_sets, seed, progress, store, processes)
+        plans = studied_plans(engine.seed)
+    answers = studied(plans, data_sets, engine)
     must, findings, detected = [part.agrees for answer in answers for part in answer.sbc], [], []
     for plan, answer in zip(plans, answers, strict=True):
         for estimator in answer.estimators:
@@ -213,7 +207,7 @@ def coverage_study(
         agrees=all((*must, *detected)),
         settings=CoverageSettings(
             data_sets=data_sets,
-            seed=seed,
+            seed=engine.seed,
             levels=LEVELS,
             draws=DRAWS,
             bins=BINS,
@@ -250,17 +244,14 @@ def _headline(data_sets: int, hold: bool, detected: bool, findings: Sequence[str
 def studied(
     plans: Sequence[StudiedPlan],
     count: int,
-    seed: int,
-    progress: Progress,
-    store: Path | None = None,
-    processes: int | None = None,
+    engine: Engine,
 ) -> list[CoveragePlan]:
     """The answers of the plans, `count` data sets each. Data sets and random numbers are those of the seed,
     the plan and the piece, whoever works it out."""
     data: list[DataSets] = []
     pieces: list[list[CoveragePiece]] = []
     for plan in plans:
-        rng = np.random.default_rng([seed, *plan.name.encode()])
+        rng = np.random.default_rng([engine.seed, *plan.name.encode()])
         with one_blas_thread(), compiled_at_once():
             data_sets = drawn(plan.problem, count, rng)
         starts = range(0, len(data_sets.truths), SIZE)
@@ -271,9 +262,9 @@ def studied(
                 for start, piece_rng in zip(starts, rng.spawn(len(starts)), strict=True)
             ]
         )
-    heading = heading_of("coverage", seed, data_sets=count, piece=SIZE)
+    every = [*chain(*pieces)]
     answers = iter(
-        each_piece(store, heading, CoveragePieceAnswer, answer_of, [*chain(*pieces)], progress, processes)
+        engine.each("coverage", CoveragePieceAnswer, answer_of, every, data_sets=count, piece=SIZE)
     )
     return [
         _joined(plan, data_sets, [next(answers) for _ in of_plan])

@@ -7,7 +7,6 @@ Every other arm has one jump. The control ignores the correlation of the offsets
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -18,7 +17,7 @@ from ...analysis.drift.smoother import Observation, Series, series_of
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.repeatability.prior_free import offsets_without_prior
-from ...model.arrays import Matrix, Progress
+from ...model.arrays import Matrix
 from ...model.files.header import EXACT
 from ...model.files.run import read_run
 from ...model.likelihood.kernel import compiled_at_once
@@ -26,7 +25,7 @@ from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ..demos import demo_runs
 from .answer import Share, StudyAnswer, held_share, share_interval
-from .cases import each_piece, heading_of
+from .cases import Engine
 
 _RESULTS, _QUARTER = 12, 0.25  # results of an arm, years between two
 _LOST = 0.1  # share of the results that do not determine the first offset
@@ -124,12 +123,9 @@ class JudgedArm:
     found: bool
 
 
-def drift_study(
-    arms: int, seed: int, progress: Progress, *, store: Path | None = None, processes: int | None = None
-) -> DriftStudy:
-    """Simulate and judge so many arms. With a `store` the answer of each piece (some arms) is kept in that
-    file at once, and a study that was stopped goes on from there."""
-    judged = _judged(arms, seed, progress, store, processes)
+def drift_study(arms: int, engine: Engine) -> DriftStudy:
+    """Simulate and judge so many arms."""
+    judged = _judged(arms, engine)
     intervals, along_axis, control = (
         held_share(sum(getattr(arm, name) for arm in judged), arms, LEVEL, _FALSE_ALARM)
         for name in ("held", "on_axis", "by_control")
@@ -149,7 +145,9 @@ def drift_study(
         headline=_headline(hold, alarms, control),
         agrees=hold and alarms.agrees and not control.agrees,
         notes=(),
-        settings=DriftSettings(arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _FALSE_ALARM, seed),
+        settings=DriftSettings(
+            arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _FALSE_ALARM, engine.seed
+        ),
         intervals=intervals,
         along_axis=along_axis,
         control=control,
@@ -158,21 +156,16 @@ def drift_study(
     )
 
 
-def _judged(
-    arms: int, seed: int, progress: Progress, store: Path | None, processes: int | None
-) -> list[JudgedArm]:
+def _judged(arms: int, engine: Engine) -> list[JudgedArm]:
     with one_blas_thread(), compiled_at_once():
         names, units, covariance = _plan()
-    heading = heading_of("drift", seed, arms=arms, piece=_SIZE)
     pieces = [
-        _Piece(seed, tuple(range(first, min(first + _SIZE, arms))), names, units, covariance)
+        _Piece(engine.seed, tuple(range(first, min(first + _SIZE, arms))), names, units, covariance)
         for first in range(0, arms, _SIZE)
     ]
     return [
         arm
-        for answer in each_piece(
-            store, heading, tuple[JudgedArm, ...], _answer_of, pieces, progress, processes
-        )
+        for answer in engine.each("drift", tuple[JudgedArm, ...], _answer_of, pieces, arms=arms, piece=_SIZE)
         for arm in answer
     ]
 

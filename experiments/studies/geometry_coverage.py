@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -24,7 +23,7 @@ from ...analysis.observability.geometry_result import considered
 from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
 from ...analysis.status import has_numbers
-from ...model.arrays import Mask, Matrix, Progress
+from ...model.arrays import Mask, Matrix
 from ...model.files.from_arrays import Probe
 from ...model.files.header import EXACT, Header
 from ...model.files.plan import Plan
@@ -44,7 +43,7 @@ from .answer import (
     observed,
     worst_share,
 )
-from .cases import each_piece, heading_of
+from .cases import Engine
 from .data_sets import DataSets, drawn
 from .laser_plans import laser_header, planner, robot_of
 
@@ -304,30 +303,25 @@ def _display(problem: Problem) -> Matrix:
 
 def geometry_study(
     count: int,
-    seed: int,
-    progress: Progress,
+    engine: Engine,
     *,
     candidates: int = CANDIDATES,
     cases: Sequence[PlanCase] = PLAN_CASES,
-    store: Path | None = None,
-    processes: int | None = None,
 ) -> GeometryStudy:
     """Carry out the whole study with `count` arms for each plan.
 
     It agrees if the intervals with estimated geometry and those of the consider analysis hold the truth as
-    often as stated on every plan, and every control is detected. With a `store` the answer of each plan is
-    kept in that file at once, and a study that was stopped goes on from there.
+    often as stated on every plan, and every control is detected.
     """
-    heading = heading_of("geometry", seed, arms=count, candidates=candidates)
-    pieces = [ArmsOfPlan(case, count, seed, candidates) for case in cases]
-    answers = each_piece(store, heading, GeometryPlan, answer_of, pieces, progress, processes)
+    pieces = [ArmsOfPlan(case, count, engine.seed, candidates) for case in cases]
+    answers = engine.each("geometry", GeometryPlan, answer_of, pieces, arms=count, candidates=candidates)
     estimators = [estimator for answer in answers for estimator in answer.estimators]
     return GeometryStudy(
         study="geometry",
         title="Do the intervals hold if the arm deviates from nominal geometry?",
         headline=_headline(count, answers),
         agrees=all(estimator.agrees is not estimator.control for estimator in estimators),
-        settings=GeometrySettings(count, seed, _LEVEL, _ALARM, candidates, _OFFSET_DEG),
+        settings=GeometrySettings(count, engine.seed, _LEVEL, _ALARM, candidates, _OFFSET_DEG),
         plans=tuple(answers),
         notes=(
             f"Every arm has offsets of {_OFFSET_DEG:g}° (one standard deviation), links off by the stated"

@@ -24,7 +24,7 @@ from ...analysis.tcp_positions import (
     undetermined_offsets,
 )
 from ...analysis.tcp_region import region_postures
-from ...model.arrays import Matrix, Progress
+from ...model.arrays import Matrix
 from ...model.errors import located
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
@@ -38,7 +38,7 @@ from ..plans.make import PlanRequest, candidate_pools, portions
 from ..plans.optimal import Planner, Proposal
 from ..plans.plan_options import Portion
 from .answer import StudyAnswer
-from .cases import each_piece, heading_of
+from .cases import Engine
 
 BUILT_IN = Path(__file__).with_name("instruments.yaml")
 _CANDIDATES = 600
@@ -137,22 +137,17 @@ class _SetupToPlan:
 
 def instruments_study(
     setups: Path | None,
-    seed: int,
-    progress: Progress,
-    *,
-    store: Path | None = None,
-    processes: int | None = None,
+    engine: Engine,
 ) -> InstrumentsStudy:
-    """Carry the study out, of the built-in setups or of those of a file. With a `store` the answer of each
-    setup is kept in that file at once."""
+    """Carry the study out, of the built-in setups or of those of a file."""
     path = BUILT_IN if setups is None else setups
     content = read_model(SetupsFile, path)
     for setup in content.setups:
         with located(path):
             _header(content, setup)
-    pieces = [_SetupToPlan(path, index, seed) for index in range(len(content.setups))]
-    heading = heading_of("instruments", seed, setups=[setup.name for setup in content.setups])
-    cases = tuple(each_piece(store, heading, SetupCase, _case, pieces, progress, processes))
+    pieces = [_SetupToPlan(path, index, engine.seed) for index in range(len(content.setups))]
+    names = [setup.name for setup in content.setups]
+    cases = tuple(engine.each("instruments", SetupCase, _case, pieces, setups=names))
     return InstrumentsStudy(
         study="instruments",
         title="Which instrument, and how many measurements?",
@@ -170,7 +165,7 @@ def instruments_study(
             content.tcp_mm,
             tuple(content.measurements),
             _CANDIDATES,
-            seed,
+            engine.seed,
         ),
         setups=cases,
     )

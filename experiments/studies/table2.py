@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -19,7 +18,7 @@ from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
 from ...analysis.row import StatusRow
 from ...analysis.status import Status
-from ...model.arrays import Matrix, Progress
+from ...model.arrays import Matrix
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
@@ -27,7 +26,7 @@ from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, CellFile
 from .answer import StudyAnswer
 from .campaign import CellRun, Repeated, SeededRun, carried, seeds_of
-from .cases import each_piece, heading_of
+from .cases import Engine
 from .cell import CANDIDATES, optimal_plan, paper_plan
 from .laser_plans import MEASUREMENTS, laser_header
 
@@ -241,21 +240,17 @@ def along_axes(covariance: Matrix, scattered: Matrix) -> Matrix:
 
 
 def table2_study(
-    seed: int,
-    progress: Progress,
+    engine: Engine,
     *,
     triples: int = TRIPLES,
-    processes: int | None = None,
-    store: Path | None = None,
 ) -> Table2Study:
     """Carry out the whole study.
 
     It agrees if three runs through the simulated cell, at the noise that explains the paper's scatter,
-    scatter as predicted: the paper's numbers are only compared. With a `store` each run is kept in that file
-    at once, and a study that was stopped goes on from there.
+    scatter as predicted: the paper's numbers are only compared.
     """
     header = laser_header(_NOMINAL_DEG, _SPOT_MM)
-    progress("plans", 0.0)
+    engine.progress("plans", 0.0)
     truth = dict(zip(OFFSETS, EXPERIMENTS.mean(axis=0).tolist(), strict=True))
     plans = [
         (
@@ -266,21 +261,20 @@ def table2_study(
         (
             "optimal",
             f"{MEASUREMENTS} A-optimal measurements of {CANDIDATES} postures",
-            optimal_plan(header, seed),
+            optimal_plan(header, engine.seed),
         ),
     ]
     dof = len(EXPERIMENTS) - 1
     predictions = [Prediction(plan, truth) for _, _, plan in plans]
     noises = [explained(p.covariance, scatter(EXPERIMENTS), dof) for p in predictions]
     cell = CellFile(arm=ArmInCell(offsets_deg=truth))
-    normal = np.random.default_rng(seed).normal(size=(len(plans), triples, *EXPERIMENTS.shape))
+    normal = np.random.default_rng(engine.seed).normal(size=(len(plans), triples, *EXPERIMENTS.shape))
     pieces = [
         SeededRun(Repeated(_with_noise(plan, noise.joint_deg), cell), one)
         for (_, _, plan), noise in zip(plans, noises, strict=True)
-        for one in seeds_of(seed, len(EXPERIMENTS))
+        for one in seeds_of(engine.seed, len(EXPERIMENTS))
     ]
-    heading = heading_of("table2", seed, triples=triples)
-    runs = each_piece(store, heading, CellRun, carried, pieces, progress, processes, called="run")
+    runs = engine.each("table2", CellRun, carried, pieces, called="run", triples=triples)
     answers = []
     for k, (name, words, plan) in enumerate(plans):
         of_plan = runs[k * len(EXPERIMENTS) : (k + 1) * len(EXPERIMENTS)]
@@ -298,7 +292,7 @@ def table2_study(
             f" noise {'scatter' if agrees else 'do not scatter'} as predicted."
         ),
         agrees=agrees,
-        settings=Table2Settings(seed=seed, runs=len(EXPERIMENTS), simulated=triples, chance=_ALARM),
+        settings=Table2Settings(seed=engine.seed, runs=len(EXPERIMENTS), simulated=triples, chance=_ALARM),
         paper=PaperTable(
             offsets=OFFSETS,
             experiments=tuple(tuple(run) for run in EXPERIMENTS.tolist()),

@@ -21,7 +21,7 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.observability.changes import RunChange
 from ...analysis.solution import Solution
-from ...model.arrays import Matrix, Progress
+from ...model.arrays import Matrix
 from ...model.files.from_arrays import Laser
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
@@ -32,7 +32,7 @@ from ...words.wording import listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
 from .answer import StudyAnswer
-from .cases import each_piece, heading_of
+from .cases import Engine
 from .wrong_arms import Course, recorded, typical
 from .wrong_scenarios import Scenario, scenarios
 
@@ -117,32 +117,35 @@ class _ScenarioWithPlan:
 
 def wrong_models_study(
     arms: int,
-    seed: int,
-    progress: Progress,
+    engine: Engine,
     *,
     names: Sequence[str] | None = None,
     measurements: Sequence[int] = MEASUREMENTS,
-    store: Path | None = None,
-    processes: int | None = None,
 ) -> WrongModelsStudy:
-    """Carry the study out, of all scenarios or of those with these `names`. With a `store` the answer of each
-    scenario and number of measurements is kept in that file at once."""
+    """Carry the study out, of all scenarios or of those with these `names`."""
     chosen = [one for one in scenarios() if names is None or one.name in names]
-    progress("plans", 0.0)
+    engine.progress("plans", 0.0)
     plans = {
-        (robot, count): plan_of(robot, count, seed)
+        (robot, count): plan_of(robot, count, engine.seed)
         for robot in dict.fromkeys(one.measured for one in chosen)
         for count in measurements
     }
     pieces = [
-        _ScenarioWithPlan(one.name, plans[one.measured, count], arms, seed)
+        _ScenarioWithPlan(one.name, plans[one.measured, count], arms, engine.seed)
         for one in chosen
         for count in measurements
     ]
-    heading = heading_of(
-        "wrong-models", seed, arms=arms, measurements=list(measurements), scenarios=len(chosen)
+    models = tuple(
+        engine.each(
+            "wrong-models",
+            WrongModel,
+            _model_of,
+            pieces,
+            arms=arms,
+            measurements=list(measurements),
+            scenarios=len(chosen),
+        )
     )
-    models = tuple(each_piece(store, heading, WrongModel, _model_of, pieces, progress, processes))
     broken = list(dict.fromkeys(one.scenario for one in models if not one.holds))
     unnamed = _unnamed(models)
     return WrongModelsStudy(
@@ -156,7 +159,7 @@ def wrong_models_study(
             " geometry.",
             "Where something changes during the run, the true offsets are those at its beginning.",
         ),
-        settings=WrongModelsSettings(arms, seed, tuple(measurements), LIMIT_U, DECIDED),
+        settings=WrongModelsSettings(arms, engine.seed, tuple(measurements), LIMIT_U, DECIDED),
         models=models,
     )
 

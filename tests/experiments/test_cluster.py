@@ -17,6 +17,7 @@ from zerobeam.analysis.status import versions
 from zerobeam.experiments import cluster as clusters
 from zerobeam.experiments.cluster import about, cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side, worked
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.experiments.studies.drift_coverage import drift_study
 from zerobeam.experiments.studies.geometry_coverage import PLAN_CASES, ArmsOfPlan, answer_of
@@ -235,7 +236,7 @@ def test_the_studies_of_drift_and_geometry_have_the_same_bytes_on_workers(tmp_pa
     pieces = [ArmsOfPlan(case, 20, 0, 300) for case in (PLAN_CASES[0], PLAN_CASES[-1])]
 
     def answered(name, **how):
-        answer = to_json(drift_study(12, 0, lambda *_: None, store=tmp_path / name, **how))
+        answer = to_json(drift_study(12, Engine(0, store=tmp_path / name, **how)))
         answer.pop("seconds")
         return json.dumps(answer), sorted((tmp_path / name).read_text().splitlines())
 

@@ -19,6 +19,7 @@ import pytest
 
 from zerobeam.experiments.processes import side_by_side
 from zerobeam.experiments.studies import coverage
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.coverage import StudiedPlan, coverage_study
 from zerobeam.model.records import to_json
 
@@ -32,7 +33,7 @@ def study_bytes(plans: Sequence[StudiedPlan], data_sets: int = 200, **how: Any) 
     """The answer of a small coverage study without its clock, as text."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(coverage, "studied_plans", lambda seed: plans)
-        answer = to_json(coverage_study(data_sets, 5, lambda *_: None, **how))
+        answer = to_json(coverage_study(data_sets, Engine(5, **how)))
     answer.pop("seconds")
     return json.dumps(answer)
 

@@ -18,6 +18,7 @@ from study_text import words
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.check import Check, CheckedParameter, check
 from zerobeam.experiments.plans.patterns import Line, pattern
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.cell import paper_plan
 from zerobeam.experiments.studies.laser_plans import laser_header
 from zerobeam.experiments.studies.sweeps.grid_answer import GridCase
@@ -260,7 +261,7 @@ def test_what_repeats_does_not_scatter() -> None:
 @pytest.mark.long
 def test_the_y_patterns_of_docs_paper() -> None:
     """The whole study: what docs/paper.md says of it, within bounds and by its printed numbers."""
-    study = sweep(patterns_study(), 0, lambda stage, share: None, processes=2)
+    study = sweep(patterns_study(), Engine(0, processes=2))
     rows = {row.name: row for row in study.over_cases()}
     for i, row in enumerate(rows.values(), start=2):
         figures = [numbers.spread(std, "deg") for std in (row.least, row.median, row.largest) if std]

@@ -11,7 +11,6 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from scipy import stats
@@ -22,7 +21,7 @@ from ....analysis.observability.clearance import Clearance
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.predictions import predicted_std
 from ....analysis.status import has_numbers, verdict_of
-from ....model.arrays import Index, Matrix, Progress, normal_half_width
+from ....model.arrays import Index, Matrix, normal_half_width
 from ....model.errors import BadInput
 from ....model.files.header import Header
 from ....model.likelihood.problem import Problem
@@ -31,7 +30,7 @@ from ...plans.constraints import Conditions, View
 from ...plans.optimal import Planner
 from ...plans.patterns import Line, pattern
 from ..answer import held_share
-from ..cases import each_piece, heading_of
+from ..cases import Engine
 from ..data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint
 from .grid_answer import (
     CaseParameter,
@@ -52,22 +51,18 @@ _LEAST_RUNS = 2  # that have a scatter
 
 def sweep(
     study: SettingsStudy,
-    seed: int,
-    progress: Progress,
-    *,
-    store: Path | None = None,
-    processes: int | None = None,
+    engine: Engine,
 ) -> GridStudy:
     """Carry out the whole study.
 
-    With a `store` each finished case is kept in that file at once, and cases that it has are not computed
-    again: the answer is the same. The study agrees if no case's simulated runs contradict the prediction.
+    The study agrees if no case's simulated runs contradict the prediction.
     """
     every = (*study.cases, *study.beside)
     prints = "\n".join(case.fingerprint for case in every)
-    heading = heading_of(study.content.study, seed, settings=hashlib.sha256(prints.encode()).hexdigest())
-    work = partial(studied_case, seed=seed)
-    answers = judged(each_piece(store, heading, GridCase, work, every, progress, processes, called="case"))
+    settings_hash, work = hashlib.sha256(prints.encode()).hexdigest(), partial(studied_case, seed=engine.seed)
+    answers = judged(
+        engine.each(study.content.study, GridCase, work, every, called="case", settings=settings_hash)
+    )
     content, cases, beside = study.content, answers[: len(study.cases)], answers[len(study.cases) :]
     axes = tuple(
         GridAxis(
@@ -80,7 +75,12 @@ def sweep(
         for axis in content.axes
     )
     settings = GridSettings(
-        **dict(content.base), seed=seed, level=LEVEL, chance=FALSE_ALARM, file=study.file, sha256=study.sha256
+        **dict(content.base),
+        seed=engine.seed,
+        level=LEVEL,
+        chance=FALSE_ALARM,
+        file=study.file,
+        sha256=study.sha256,
     )
     return GridStudy(
         study=content.study,

@@ -19,7 +19,7 @@ from child import DEAF, child
 from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, CellFile, PlacedPsd, PsdInCell, RobotStop
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import CellRun, Repeated, SeededRun, carried, seeds_of
-from zerobeam.experiments.studies.cases import each_piece
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.model.records import read, to_json
 
 PLAN = good_plan(5)
@@ -38,7 +38,9 @@ def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
     seeds, shares = seeds_of(1, 4), list[float]()
     pieces = [SeededRun(Repeated(good_plan(6), BLIND, tolerance=0.05), seed) for seed in seeds]
     one, two = (
-        each_piece(None, {}, CellRun, carried, pieces, lambda _, share: shares.append(share), processes)
+        Engine(0, lambda _, share: shares.append(share), processes=processes).each(
+            "own", CellRun, carried, pieces
+        )
         for processes in (1, 2)
     )
     assert [without_time(run) for run in one] == [without_time(run) for run in two]
@@ -101,7 +103,7 @@ SCRIPT = """
 from cells import good_plan
 from zerobeam.interruption import stoppable
 from zerobeam.experiments.studies.campaign import CellRun, Repeated, SeededRun, carried, seeds_of
-from zerobeam.experiments.studies.cases import each_piece
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 
 if __name__ == "__main__":
@@ -110,7 +112,7 @@ if __name__ == "__main__":
             work = Repeated(good_plan(5), CellFile(camera=None))
             pieces = [SeededRun(work, seed) for seed in seeds_of(0, 10_000)]
             tell = lambda name, share: print(share, flush=True) if share else None
-            each_piece(None, {}, CellRun, carried, pieces, tell, 2)
+            Engine(0, tell, processes=2).each("own", CellRun, carried, pieces)
     except KeyboardInterrupt:
         print("interrupted", flush=True)
 """

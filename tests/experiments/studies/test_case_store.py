@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from zerobeam.experiments.studies.cases import CaseStore, each_piece
+from zerobeam.experiments.studies.cases import CaseStore, Engine
 from zerobeam.model.errors import BadInput
 
 WORKED: list[int] = []
@@ -115,14 +115,13 @@ def test_a_stopped_study_goes_on_with_the_piece_under_way_to_the_same_answer(tmp
     told: list[tuple[str, float]] = []
 
     def carried_out() -> list[dict[str, object]]:
-        how = {"called": "arm", "processes": 1}
-        store = tmp_path / "own.jsonl"
-        return each_piece(store, HEADING, dict, squared, [2, 3, 4], lambda *now: told.append(now), **how)
+        engine = Engine(1, lambda *now: told.append(now), tmp_path / "own.jsonl", processes=1)
+        return engine.each("own", dict, squared, [2, 3, 4], called="arm", settings="abc")
 
     WORKED.clear()
     with pytest.raises(KeyboardInterrupt):
         carried_out()
-    assert kept(tmp_path / "own.jsonl") == {0: {"square": 4}}
+    assert (tmp_path / "own.jsonl").read_text(encoding="utf-8").count("\n") == 2
     assert told == [("arm 0/3", 0.0), ("arm 1/3", 1 / 3)]
     assert carried_out() == [{"square": 4}, {"square": 9}, {"square": 16}]
     assert WORKED == [2, 3, 3, 4]

@@ -16,6 +16,7 @@ from scipy import stats
 from zerobeam.experiments.studies import cell as module
 from zerobeam.experiments.studies.answer import accuracy, held_share, share_interval
 from zerobeam.experiments.studies.campaign import CellRun, RunEstimates, SeededRun, carried, seeds_of
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.cell import CellPlanStudied, cell_study, studied_plans
 from zerobeam.model.records import to_json
 
@@ -34,7 +35,9 @@ def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
     with pytest.MonkeyPatch.context() as patch:
         some = [plans()["optimal"], plans()["adaptive"]]
         patch.setattr(module, "studied_plans", lambda seed, camera: some)
-        answer = to_json(cell_study(RUNS, 0, lambda *now: stages.append(now), camera=False, processes=1))
+        answer = to_json(
+            cell_study(RUNS, Engine(0, lambda *now: stages.append(now), processes=1), camera=False)
+        )
     return answer, stages
 
 
@@ -177,7 +180,7 @@ def test_the_interval_of_a_share_against_scipy(held: int, of: int) -> None:
 @pytest.mark.long
 def test_the_whole_chain_holds_what_it_promises() -> None:
     """Without pictures, whose share of the error is nothing; a chance of 1 % a plan, with this seed."""
-    answer = to_json(cell_study(100, 0, lambda *_: None, camera=False))
+    answer = to_json(cell_study(100, Engine(0), camera=False))
     assert answer["agrees"], answer["headline"]
     rows = {plan["name"]: plan for plan in answer["plans"]}
     # The gears' play is taken up from one side: it is in every offset, and no run can know.

@@ -9,6 +9,7 @@ from scipy import stats
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import coverage
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.coverage import (
     BINS,
     DRAWS,
@@ -37,7 +38,9 @@ def study_of(plans, names, count=COUNT, seed=SEED):
     stages = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(coverage, "studied_plans", lambda seed: [plans[name] for name in names])
-        answer = to_json(coverage_study(count, seed, lambda *stage: stages.append(stage), processes=1))
+        answer = to_json(
+            coverage_study(count, Engine(seed, lambda *stage: stages.append(stage), processes=1))
+        )
     return answer, stages
 
 

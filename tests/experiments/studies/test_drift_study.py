@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from zerobeam.experiments.studies import drift_coverage as module
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.drift_coverage import DriftStudy, drift_study
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.studies.drift_page import POWER, drift_pictures
@@ -16,7 +17,7 @@ from zerobeam.reports.studies.kinds import study_page
 @pytest.mark.long
 def test_a_small_study_is_carried_out_and_shown() -> None:
     shares: list[float] = []
-    answer = drift_study(2, 0, lambda stage, share: shares.append(share), processes=1)
+    answer = drift_study(2, Engine(0, lambda stage, share: shares.append(share), processes=1))
     assert isinstance(answer, DriftStudy)
     assert shares == [0.0, 1.0]
     assert answer.alarms.arms == 1
@@ -37,15 +38,15 @@ def test_what_the_arms_judge_is_counted(tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(module, "_judged_arm", once)
     how = {"store": tmp_path / "cases.jsonl", "processes": 1}
-    answer = drift_study(3, 0, lambda stage, share: None, **how)
+    answer = drift_study(3, Engine(0, **how))
     assert (answer.intervals.held, answer.along_axis.held, answer.alarms.arms) == (3, 1, 3)
     with pytest.raises(BadInput, match="arms differs"):
-        drift_study(4, 0, lambda stage, share: None, **how)
+        drift_study(4, Engine(0, **how))
 
 
 @pytest.mark.long
 def test_intervals_and_alarms_of_500_arms_hold_and_the_control_does_not() -> None:
-    answer = drift_study(500, 0, lambda stage, share: None)
+    answer = drift_study(500, Engine(0))
     assert answer.intervals.agrees
     assert answer.along_axis.agrees
     assert answer.alarms.agrees

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from zerobeam.experiments.studies import instrument_choice
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.instrument_choice import BUILT_IN, SetupsFile, instruments_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.parsing.validation import read_model
@@ -45,7 +46,7 @@ def answer(tmp_path_factory: pytest.TempPathFactory) -> instrument_choice.Instru
     file.write_text(TWO, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(instrument_choice, "_CANDIDATES", 80)
-        return instruments_study(file, 0, lambda stage, share: None, processes=1)
+        return instruments_study(file, Engine(0, processes=1))
 
 
 @pytest.mark.long
@@ -106,4 +107,4 @@ def test_a_setups_file_that_is_wrong_is_said(old: str, new: str, what: str, tmp_
     file = tmp_path / "wrong.yaml"
     file.write_text(TWO.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(BadInput, match=what):
-        instruments_study(file, 0, lambda stage, share: None, processes=1)
+        instruments_study(file, Engine(0, processes=1))

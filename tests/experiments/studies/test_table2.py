@@ -12,6 +12,7 @@ from scipy import stats
 
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import table2
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.cell import paper_plan
 from zerobeam.experiments.studies.data_sets import DataSets, fitted
 from zerobeam.experiments.studies.laser_plans import laser_header
@@ -145,11 +146,13 @@ def test_the_study(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        table2_study(0, stopped, triples=199, processes=1, store=store)
+        table2_study(Engine(0, stopped, processes=1, store=store), triples=199)
     kept = store.read_bytes()
     assert kept.count(b"\n") == 3  # the heading and two runs
     stages: list[str] = []
-    resumed = table2_study(0, lambda stage, _: stages.append(stage), triples=199, processes=1, store=store)
+    resumed = table2_study(
+        Engine(0, lambda stage, _: stages.append(stage), processes=1, store=store), triples=199
+    )
     answer = to_json(resumed)
     assert stages[1:3] == ["run 2/6", "run 3/6"]
     assert store.read_bytes().startswith(kept)

@@ -10,6 +10,7 @@ import pytest
 
 from zerobeam.analysis.diagnostics.diagnosis import diagnose
 from zerobeam.experiments.studies import wrong_models
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.wrong_arms import recorded, typical
 from zerobeam.experiments.studies.wrong_models import header_of, plan_of, wrong_models_study
 from zerobeam.experiments.studies.wrong_scenarios import scenarios
@@ -75,9 +76,7 @@ def test_there_are_at_least_forty_wrong_models_each_with_a_name() -> None:
 def test_a_small_study_is_carried_out_and_shown() -> None:
     names = [one.name for one in scenarios()]
     chosen = [names[0], "sign of J3 reversed", "zero of J5 jumps by 0.5°"]
-    answer = wrong_models_study(
-        2, 0, lambda stage, share: None, names=chosen, measurements=(12,), processes=1
-    )
+    answer = wrong_models_study(2, Engine(0, processes=1), names=chosen, measurements=(12,))
     control, sign, jump = answer.models
     assert (control.passes, control.misfits, control.beyond) == (2, 0, 0)
     assert (sign.misfits, sign.named, sign.decided_right) == (2, 2, 2)
@@ -92,8 +91,6 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
 def test_a_pass_with_wrong_intervals_does_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wrong_models, "LIMIT_U", 1e-3)
     (control,) = (one for one in scenarios() if one.name.startswith("control"))
-    answer = wrong_models_study(
-        2, 0, lambda stage, share: None, names=[control.name], measurements=(7,), processes=1
-    )
+    answer = wrong_models_study(2, Engine(0, processes=1), names=[control.name], measurements=(7,))
     assert not answer.agrees
     assert control.name in answer.headline

@@ -14,6 +14,7 @@ from scipy import stats
 
 from zerobeam.experiments.studies import coverage
 from zerobeam.experiments.studies import geometry_coverage as module
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.geometry_coverage import (
     CANDIDATES,
     CLOSE,
@@ -43,8 +44,7 @@ SEVEN, TWELVE = (PlanCase(count, "nominal") for count in (7, 12))
 
 def study_of(count: int, *which: PlanCase) -> GeometryStudy:
     """The study of some of its plans, chosen of few candidates."""
-    few = {"candidates": FEW_CANDIDATES, "cases": which, "processes": 1}
-    return geometry_study(count, 0, lambda name, share: None, **few)
+    return geometry_study(count, Engine(0, processes=1), candidates=FEW_CANDIDATES, cases=which)
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +151,7 @@ def test_a_thousand_arms_scatter_within_a_tenth_of_what_check_says(which: PlanCa
 @pytest.mark.long
 def test_the_whole_study_agrees() -> None:
     """200 arms of each plan, the probe included."""
-    answer = geometry_study(200, 0, lambda name, share: None)
+    answer = geometry_study(200, Engine(0))
     assert answer.agrees, answer.headline
     plans = {plan.name: plan for plan in answer.plans}
     assert len(plans) == 2 * len(MEASUREMENTS) + len(CLOSE_MEASUREMENTS) + 1
@@ -170,7 +170,7 @@ def test_the_coverage_study_runs_and_holds_for_a_header_with_geometry() -> None:
     targets = {"psd": plan.header.targets["psd"].model_copy(update={"sigma_mm": 30.0})}
     near = dataclasses.replace(plan, header=plan.header.model_copy(update={"targets": targets}))
     studied = coverage.StudiedPlan("geometry", "12 measurements", Problem.from_plan(near))
-    (answer,) = coverage.studied([studied], 100, 3, lambda *_: None)
+    (answer,) = coverage.studied([studied], 100, Engine(3))
     estimators = {row.name: row for row in answer.estimators}
     assert estimators["likelihood"].agrees
     assert estimators["posterior"].agrees

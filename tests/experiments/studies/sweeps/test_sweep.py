@@ -20,6 +20,7 @@ from zerobeam.analysis.status import Verdict
 from zerobeam.experiments.plans.candidates import View, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.data_sets import DataSets, drawn, fitted
 from zerobeam.experiments.studies.sweeps import sweep as module
 from zerobeam.experiments.studies.sweeps.grid_answer import (
@@ -75,7 +76,7 @@ def study_of_text(folder: Path, text: str = STUDY, runs: int | None = RUNS) -> S
 
 
 def swept(study: SettingsStudy, store: Path | None = None, seed: int = 3) -> Json:
-    return to_json(sweep(study, seed, silent, store=store, processes=1))
+    return to_json(sweep(study, Engine(seed, silent, store=store, processes=1)))
 
 
 def timeless(answer: Json) -> str:
@@ -257,7 +258,7 @@ beside:
 
 def test_y_patterns_by_where_their_line_lies(tmp_path: Path) -> None:
     """A wide one is better; without width, and of an X-Pattern, δ2 has no number; an optimal plan is best."""
-    answer = sweep(study_of_text(tmp_path, GEOMETRY, 0), 0, silent, processes=1)
+    answer = sweep(study_of_text(tmp_path, GEOMETRY, 0), Engine(0, silent, processes=1))
 
     def stds(case: GridCase) -> dict[str, float | None]:
         return {one.name: one.std for one in case.parameters}
@@ -360,7 +361,7 @@ def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
         return progress
 
     with pytest.raises(KeyboardInterrupt):
-        sweep(study, 3, until(0.5), store=store, processes=1)
+        sweep(study, Engine(3, until(0.5), store=store, processes=1))
     assert len(store.read_text(encoding="utf-8").splitlines()) == 3  # the heading and two cases, all whole
     computed, real = [], module.studied_case
 
@@ -383,7 +384,7 @@ def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
 
 @pytest.mark.long
 def test_the_number_of_processes_makes_no_difference(study: SettingsStudy, answer: Json) -> None:
-    assert timeless(to_json(sweep(study, 3, silent, processes=2))) == timeless(answer)
+    assert timeless(to_json(sweep(study, Engine(3, silent, processes=2)))) == timeless(answer)
 
 
 def test_runs_of_more_noise_than_stated_are_seen_to_contradict(
@@ -437,7 +438,7 @@ def test_a_degenerate_case_is_no_promise(study: SettingsStudy, monkeypatch: pyte
     for verdict, agrees in (("pass", False), ("weak", False), ("degenerate", True)):
         case = replace(made(1.3, 0.94), verdict=verdict, at=study.cases[0].at)
         monkeypatch.setattr(module, "studied_case", lambda _, seed, case=case: case)
-        swept_answer = sweep(replace(study, cases=study.cases[:1]), 3, silent, processes=1)
+        swept_answer = sweep(replace(study, cases=study.cases[:1]), Engine(3, silent, processes=1))
         assert (swept_answer.agrees, swept_answer.cases[0].agrees) == (agrees, False)
 
 
