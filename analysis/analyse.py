@@ -33,7 +33,7 @@ from .diagnostics.null_motion import motion_of_run
 from .diagnostics.outliers import robust_result
 from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from .diagnostics.scene_data import scene
-from .diagnostics.values_to_enter import entered
+from .diagnostics.values_to_enter import Entered, entered
 from .estimation.effective_dof import as_small
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
@@ -42,7 +42,7 @@ from .estimation.threads import one_blas_thread
 from .ladder import solve_run
 from .observability.basis import bases
 from .observability.better_postures import kept, usual_constraints
-from .observability.outlook import Outlook, Prospect, Prospects, of_run_or_plan
+from .observability.outlook import MedianAnd95, Outlook, Prospect, Prospects, of_run_or_plan
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     UNSAMPLED,
@@ -233,7 +233,7 @@ def _analyse(
         power=solution.power,
         coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),
-        outlook=_outlook(solution, run),
+        outlook=_outlook(solution, run, to_enter, with_links),
         taken_as_known=bases(
             solution.problem, solution.fit.covariance, solution.status, run.header, geometry
         ),
@@ -242,7 +242,9 @@ def _analyse(
     return solution, result, draws
 
 
-def _outlook(solution: Solution, run: Run) -> Outlook | None:
+def _outlook(
+    solution: Solution, run: Run, to_enter: Entered | None, with_links: Entered | None
+) -> Outlook | None:
     """What would make the answer better; None where it has no answer, or a wrong model."""
     if not solution.converged or solution.misfit is not None:
         return None
@@ -261,8 +263,15 @@ def _outlook(solution: Solution, run: Run) -> Outlook | None:
             weight=1 / solution.noise_scale**2,
             dof=solution.dof if problem.noise.estimated and solution.dof else None,
             minutes_each=_minutes_each(run),
+            tcp=_median_and_95(to_enter),
+            tcp_with_links=_median_and_95(with_links),
         )
     )
+
+
+def _median_and_95(entered: Entered | None) -> MedianAnd95 | None:
+    tcp = None if entered is None else entered.tcp_after
+    return None if tcp is None else (tcp.median_mm, tcp.p95_mm)
 
 
 def _minutes_each(run: Run) -> float | None:

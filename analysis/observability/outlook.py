@@ -173,6 +173,9 @@ class Outlook:
         return tuple(row for row in self.remedies if row.gain >= WORTH)
 
 
+MedianAnd95 = tuple[float, float]
+
+
 class Prospects(NamedTuple):
     """What new postures are: they keep the `constraints`, and are `allowed`."""
 
@@ -187,7 +190,9 @@ class Prospect:
     what it rests on besides the measurements.
 
     `estimated`: x are the estimates of a run. New postures are such as the `prospects` say. `weight` is
-    1 / noise scale², `dof` the degrees of freedom by which that is estimated.
+    1 / noise scale², `dof` the degrees of freedom by which that is estimated. `tcp` and `tcp_with_links` are
+    the errors of the TCP, mm, that a run's answer states with its values entered: the answer as it is has
+    them too.
     """
 
     header: Header
@@ -201,6 +206,8 @@ class Prospect:
     weight: float = 1.0
     dof: float | None = None
     minutes_each: float | None = None
+    tcp: MedianAnd95 | None = None
+    tcp_with_links: MedianAnd95 | None = None
 
     @cached_property
     def items(self) -> list[Parameter]:
@@ -319,12 +326,17 @@ class _Remedies:
 
     @cached_property
     def now(self) -> OutlookRow:
-        covariance = self.of.covariance
-        if self.of.estimated:
+        of, covariance = self.of, self.of.covariance
+        if of.estimated:
             estimates = EstimatesOfArms.made(self.belief)
         else:
-            estimates = EstimatesOfArms.of_new_run(self.belief, covariance, self.of.roots)
-        return self._row("none", self.count, covariance, estimates, self.known_now, 0.0)
+            estimates = EstimatesOfArms.of_new_run(self.belief, covariance, of.roots)
+        row = self._row("none", self.count, covariance, estimates, self.known_now, 0.0)
+        if row.tcp_95_mm is not None and of.tcp is not None:
+            row = replace(row, tcp_median_mm=of.tcp[0], tcp_95_mm=of.tcp[1])
+        if row.links_95_mm is not None and of.tcp_with_links is not None:
+            row = replace(row, links_median_mm=of.tcp_with_links[0], links_95_mm=of.tcp_with_links[1])
+        return row
 
     def by_postures(self) -> Iterator[OutlookRow]:
         """As many measurements, and more, in the best postures."""

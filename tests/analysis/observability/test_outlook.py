@@ -18,7 +18,8 @@ from zerobeam.analysis.observability.clearance import arm_in_the_way
 from zerobeam.analysis.observability.flange_points import POINTS, SIGMA_MM
 from zerobeam.analysis.observability.outlook import COVERAGE, Outlook, OutlookRow, constraint_options
 from zerobeam.analysis.observability.predictions import predicted_covariance
-from zerobeam.analysis.observability.tcp_forecast import TcpForecast
+from zerobeam.analysis.observability.tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
+from zerobeam.analysis.status import known
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.experiments.plans.plan_options import PlanOptions
@@ -158,16 +159,25 @@ def test_better_postures_are_about_as_good_as_those_of_the_command() -> None:
 
 def test_of_a_run_the_answer_as_it_is_has_the_error_of_its_values() -> None:
     _, run = simulated(typical(12), {"delta2": 0.5, "delta3": -0.3, "delta4": 0.4, "delta5": 0.2})
-    result = analyse(run, sampling="never").result
+    found = analyse(run, sampling="never")
+    result, problem, parameters = found.result, found.problem, found.problem.parameters
     assert result.outlook is not None
     assert result.entered is not None
     assert result.entered.tcp_after is not None
     now = result.outlook.now
-    assert now.tcp_median_mm == pytest.approx(result.entered.tcp_after.median_mm, rel=0.02)
-    assert now.tcp_95_mm == pytest.approx(result.entered.tcp_after.p95_mm, rel=0.02)
+    assert now.tcp_median_mm == result.entered.tcp_after.median_mm
+    assert now.tcp_95_mm == result.entered.tcp_after.p95_mm
     assert result.entered_geometry is not None
     assert result.entered_geometry.tcp_after is not None
-    assert now.links_95_mm == pytest.approx(result.entered_geometry.tcp_after.p95_mm, rel=0.02)
+    assert now.links_95_mm == result.entered_geometry.tcp_after.p95_mm
+    # The linear forecast, by which the remedies are predicted, agrees with it.
+    mean = ((found.fit.x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+    known_now = np.array([known(status) for status in found.status])[parameters.free]
+    tcp, links = TcpForecast(problem, found.fit.x, found.status).errors(
+        EstimatesOfArms.made(ArmBelief(problem, mean, found.fit.covariance)), known_now
+    )
+    assert tcp == pytest.approx((now.tcp_median_mm, now.tcp_95_mm), rel=0.02)
+    assert links == pytest.approx((now.links_median_mm, now.links_95_mm), rel=0.02)
     assert {row.remedy for row in result.outlook.remedies} >= {"more", "mounting"}
 
 
