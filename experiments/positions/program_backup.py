@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import zlib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from zipfile import BadZipFile, ZipFile
 
 from ...model.errors import BadInput
 from ...model.parsing.confinement import require_within
@@ -18,6 +20,7 @@ AUDIT = "audit.json"
 _PROGRAM = r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|dtx|pgx|pcs|drl|script|mb[456])$"
 _GZIP = b"\x1f\x8b"
 _MOST_FILES = 20_000
+_LARGEST_ARCHIVE = 2**28  # bytes of its programs
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +42,8 @@ def read_backup(path: Path, vendor: str | None = None) -> Backup:
     BadInput where there is nothing to read, or where it may be of several languages.
     """
     require_within(path)
-    if path.is_dir():
-        content = _folder(path)
+    if path.is_dir() or path.suffix.lower() == ".zip":
+        content = _folder(path) if path.is_dir() else _archive(path)
         chosen = tuple(content)
     else:
         require_regular(path)
@@ -89,6 +92,41 @@ def _folder(folder: Path, *, deep: bool = True) -> dict[str, bytes]:
     if len(paths) > _MOST_FILES:
         raise BadInput("the folder has too many files", found=len(paths), allowed=_MOST_FILES, file=folder)
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def _archive(path: Path) -> dict[str, bytes]:
+    """The files of a zip archive; BadInput for one that is damaged, encrypted, too large, or has names that
+    lead elsewhere."""
+    endings = {ending for language in LANGUAGES for ending in language.endings}
+    require_regular(path)
+    try:
+        with ZipFile(path) as archive:
+            names = {each.filename: each for each in archive.infolist() if not each.is_dir()}
+            outside = [
+                name for name in names if {"..", ""} & {*name.split("/")} or "\\" in name or ":" in name
+            ]
+            if outside or any(PurePosixPath(name).name == AUDIT for name in names):
+                raise BadInput(
+                    "the archive is no backup of a controller as it was",
+                    found=outside[0] if outside else f"{AUDIT}: it was converted before",
+                    allowed="the files of a backup, with their folders",
+                    file=path,
+                )
+            entries = {
+                name: each
+                for name, each in names.items()
+                if _ending(name) in endings and each.file_size <= LARGEST
+            }
+            if (
+                len(entries) > _MOST_FILES
+                or sum(each.file_size for each in entries.values()) > _LARGEST_ARCHIVE
+            ):
+                raise BadInput(
+                    "the archive is too large", allowed=f"{_MOST_FILES} files of programs", file=path
+                )
+            return {name: archive.read(each) for name, each in entries.items()}
+    except (BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError) as error:
+        raise BadInput("the archive cannot be read", found=str(error), file=path) from None
 
 
 def _ending(name: str) -> str:

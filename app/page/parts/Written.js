@@ -27,13 +27,13 @@ export function useWritten() {
   return { made, onSubmit };
 }
 
-/** The foot of such a form: what was written, and what the command says of it. @param {{made: Made, button: string, title: string, disabled?: boolean, after?: string}} props */
-export function Written({ made, button, title, disabled = false, after = "" }) {
+/** The foot of such a form: what was written, and what the command says of it. @param {{made: Made, button: string, title: string, disabled?: boolean, after?: string, more?: string[]}} props */
+export function Written({ made, button, title, disabled = false, after = "", more = [] }) {
   const now = made.value;
   return html`
     <p class="bar"><${Submit} disabled=${disabled || (now !== null && !over(now.job.state.value))}>${button}<//></p>
     ${now && html`<${JobProgress} key=${now.job.id} job=${now.job} title=${title}>
-      <p>${now.files.map((one) => html`<a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p>
+      <p>${[...now.files, ...more].map((one) => html`<a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p>
       <ul class="lines said">${(now.job.state.value.answer?.notes ?? []).map((/** @type {string} */ note) => html`<li>${sentence(note)}</li>`)}</ul>
       ${after && html`<p class="muted">${after}</p>`}<//>`}`;
 }
