@@ -19,7 +19,10 @@ positions = Group(
     help="Taught positions of programs: keep their places when zeros were entered.", no_args_is_help=True
 )
 BackupPath = Annotated[
-    Path, argument("Backup of the controller: a folder, a zip, or one file (RAPID .mod; KRL .src, .dat; FANUC .ls).")
+    Path,
+    argument(
+        "Backup of the controller: a folder, a zip, or one file (RAPID .mod; KRL .src, .dat; FANUC .ls)."
+    ),
 ]
 NewFolder = Annotated[Path, Option("Folder for the converted files, empty or new.", "-o --out")]
 

@@ -238,14 +238,6 @@ def numbers_of(text: str, option: str, allowed: str) -> list[float]:
     return values
 
 
-def blanked(program: str, remark: str, *, strings: bool = True) -> str:
-    """A program with blanks for its remarks, which a pattern describes, and for its strings or without."""
-    text = re.compile(rf'"[^"\n]*"|{remark}')
-    return text.sub(
-        lambda match: match[0] if match[0][0] == '"' and not strings else " " * len(match[0]), program
-    )
-
-
 def one_line(text: str) -> str:
     """Text that may hold any character, as ASCII on one line; control and other characters as escapes."""
     ascii_text = text.replace("±", "+-").replace("°", " deg").replace("−", "-")

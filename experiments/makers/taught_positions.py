@@ -32,7 +32,8 @@ def written_points(
     Joints are in the unit of the language; a pose has those that `posed` gives. BadInput where the text is
     not whole.
     """
-    reading = BackupReading([SourceFile(path.name, text, language.remark)])
+    name = path.name if path.suffix.lower() in language.endings else f"{path.name}{language.endings[0]}"
+    reading = BackupReading([SourceFile(name, text, language.remark)])
     language.read(reading)
     points = []
     for one in reading.positions:

@@ -96,7 +96,7 @@ def _datum(
             or any(re.fullmatch(r"j[7-9]", k) for k in one.fields)
         ):
             sentence = f"{one.name} states {len(spans)} numbers, or is there twice: write out six of it"
-            return reading.refuse(file, one.pos, sentence)
+            return reading.unread(file, one.pos, sentence, one.name)
         key, words = f"{names.scope}:{plain}", [one.fields[word] for word in _WORDS if word in one.fields]
         names.store(plain, key)
         if (

@@ -21,9 +21,9 @@ def read_val3(reading: BackupReading) -> None:
         folder = file.name.rpartition("/")[0]
         names = scopes.setdefault(folder, Val3Names(reading, Val3Program.word, scope=folder))
         try:
-            ElementTree.fromstring(file.text.encode("latin-1"))
+            ElementTree.fromstring(file.text.encode("ascii", "replace"))
         except ElementTree.ParseError as error:
-            reading.refuse(file, 0, f"this is no whole file of an application: {error}")
+            reading.unread(file, 0, f"this is no whole file of an application: {error}")
         if file.suffix == ".dtx":
             data.setdefault(folder, {}).update(read_data(file, reading, names))
         elif file.suffix == ".pjx" and (unit := re.search(r"millimeterUnit=[\"']false", file.text)):

@@ -6,7 +6,7 @@ const table = Uint32Array.from({ length: 256 }, (_, byte) => {
   return value;
 });
 
-/** CRC-32 of ISO 3309, as zip archives have it. @param {Uint8Array} content */
+/** CRC-32 of ISO 3309, as zip archives have it. @param {Uint8Array<ArrayBuffer>} content */
 const checksum = (content) => {
   let value = 0xffffffff;
   for (const byte of content) value = table[(value ^ byte) & 255] ^ (value >>> 8);
@@ -27,7 +27,7 @@ const header = (fields) => {
 
 const UTF8 = 0x800, STORED = 0, VERSION = 20, FIRST_DAY = 33; // 1980-01-01
 
-/** @param {{name: string, content: Uint8Array}[]} files */
+/** @param {{name: string, content: Uint8Array<ArrayBuffer>}[]} files */
 export function zip(files) {
   const parts = [], entries = [];
   let at = 0;

@@ -5,10 +5,10 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
-    from ..line_language import joint_language
-    from .pacscript import PACSCRIPT, pacscript_program
+    from ...positions.position_languages import PACSCRIPT
+    from .pacscript_program import pacscript_program
 
-    return LineParts(joint_language(PACSCRIPT, "denso"), pacscript_program)
+    return LineParts(PACSCRIPT, pacscript_program)
 
 
 _FORMAT = LineFormat(_parts)

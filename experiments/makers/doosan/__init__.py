@@ -5,10 +5,10 @@ from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
-    from ..line_language import joint_language
-    from .drl_language import DRL, drl_program
+    from ...positions.position_languages import DRL
+    from .drl_program import drl_program
 
-    return LineParts(joint_language(DRL, "doosan"), lambda plan, motion, file: drl_program(plan, motion))
+    return LineParts(DRL, lambda plan, motion, file: drl_program(plan, motion))
 
 
 _FORMAT = LineFormat(_parts)

@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...positions.position import SourceFile
 from ...positions.position_languages import KRL
 from ..import_jobs import Imported, ImportJob, TaughtPoint, import_points
-from ..maker import blanked
 from ..taught_positions import written_points
 
 # What the program of a plan records: the axes at posture n, and whether they are.
@@ -45,7 +45,7 @@ def _measured(text: str, path: Path) -> list[TaughtPoint]:
     points = kuka_positions(text, path)
     if not _MEASURED_NAME.search(text):
         return points
-    done = {match[1] for match in _DONE.finditer(blanked(text, KRL.remark))}
+    done = {match[1] for match in _DONE.finditer(SourceFile(path.name, text, KRL.remark).bare)}
     named = [(point, _MEASURED_NAME.fullmatch(point.name)) for point in points]
     return [
         point._replace(number=int(match[1]))

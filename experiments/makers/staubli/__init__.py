@@ -7,11 +7,10 @@ _FILES = (".pgx", ".dtx", ".pjx")
 
 
 def _parts() -> LineParts:
-    from ..line_language import joint_language
-    from .val3 import VAL3
-    from .val3_program import val3_program
+    from ...positions.position_languages import VAL3
+    from .val3_program import named_positions, val3_program
 
-    return LineParts(joint_language(VAL3, "staubli"), val3_program, digits=3)
+    return LineParts(VAL3, val3_program, named_positions, digits=3)
 
 
 _FORMAT = LineFormat(_parts)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
+from ..import_jobs import TaughtPoint
 from ..maker import one_line
 from ..plan_programs import LOG_PLAN, decimal, head_lines, made_for, percents, short_hash, steps_of
 
@@ -124,3 +126,8 @@ def _project(name: str) -> str:
             "",
         ]
     )
+
+
+def named_positions(text: str, points: Sequence[TaughtPoint]) -> list[TaughtPoint]:
+    """The positions of a data file: NAME is NAME[0]."""
+    return [point._replace(name=point.name.removesuffix("[0]")) for point in points]

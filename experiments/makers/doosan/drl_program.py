@@ -1,4 +1,4 @@
-"""DRL (Doosan): its positions and motions, and a plan as a program in it.
+"""DRL (Doosan): a plan as a program.
 
 Facts, from the Programming Manual of Doosan Robotics and the stubs of DRL that it publishes for RoboDK: posj
 is joints, degrees; posx is X, Y, Z, A, B, C, mm and degrees, of which A, B, C turn about z, the new y and the
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import LOG, decimal, head_lines, listed, made_for, steps_of
 
@@ -21,16 +20,6 @@ _CONFIRM = [
     "confirm: this controller has wait_manual_guide, which waits while a person guides the arm.",
     "confirm: after the run the pendant's log is saved; its lines zerobeam posture are what is imported.",
 ]
-
-
-DRL = LineLanguage(
-    name="DRL",
-    grammar="doosan/drl",
-    remark=r"#[^\n]*",
-    joint_decimals=4,
-    case_sensitive=True,
-    indented=True,
-)
 
 
 def drl_program(plan: Plan, motion: ProgramMotion) -> str:

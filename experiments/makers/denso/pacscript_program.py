@@ -1,4 +1,4 @@
-"""PacScript (Denso RC8, RC9): its positions and motions, and a plan as a program in it.
+"""PacScript (Denso RC8, RC9): a plan as a program.
 
 Facts, from the RC8 manual of Denso Wave (IDs 5210 and 5225, Move, Speed, DriveA), its RC5 manual (joint type
 constants) and published programs: J is the joints, degrees, joint 1 first; P is X, Y, Z, RX, RY, RZ, mm and
@@ -10,21 +10,14 @@ TakeArm changes tool and frame is not published as far as is known here: behind 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
-
-from lark import Token, Tree
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
-from ..line_language import LineLanguage, Statement
-from ..maker import blanked, one_line
+from ..maker import one_line
 from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
 
-_REMARK = r"'[^\n]*|(?i:\brem\b)[^\n]*"
-_LIST = re.compile(r"(?P<kind>[A-Za-z]?)\s*\(\s*(?P<values>[^()\n]*?(?:,[^()\n]*?){5,})\s*\)")
 _NAME = re.compile(r"[A-Za-z]\w{0,63}", re.ASCII)
 _STATE = "I[90]"
 _USAGE = (
@@ -35,40 +28,6 @@ _USAGE = (
     "that is not recorded yet; one less goes there again.",
     "confirm: CurJnt is the joints in degrees, and Joint(1, ...) joint 1 of them.",
 )
-
-
-def _positions(text: str) -> list[tuple[int, int]]:
-    """The spans of all that looks like joints or a pose, without the figure of one."""
-    spans = []
-    for match in _LIST.finditer(blanked(text, _REMARK)):
-        values = match["values"]
-        if match["kind"] in ("P", "p") and values.count(",") == 6:
-            values = values[: values.rindex(",")].rstrip()
-        spans.append((match.start("values"), match.start("values") + len(values)))
-    return spans
-
-
-def _read(text: str) -> Iterator[Statement]:
-    """Each line; behind TakeArm the tool and the frame are those that the program leaves open."""
-    changed = False
-    for begin, end, tree in _LINES.statements(text):
-        yield begin, end, tree
-        if tree is None:
-            continue
-        changed |= tree.data in ("tool", "frame")
-        if tree.data == "taken" and changed:
-            for which in ("tool", "frame"):
-                yield begin, begin, Tree(which, [Token("WORD", "", start_pos=begin)])
-
-
-_LINES = LineLanguage(
-    name="PacScript",
-    grammar="denso/pacscript",
-    remark=_REMARK,
-    joint_decimals=4,
-    positions=_positions,
-)
-PACSCRIPT = replace(_LINES, read=_read)
 
 
 def pacscript_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
