@@ -83,6 +83,9 @@ def _sections(answer: Conversion) -> Iterator[Section]:
 
 
 def _first(answer: Conversion) -> Iterator[Block]:
+    if answer.command == "show":
+        yield Paragraph("Zeros were entered at the controller: state them, and write converted files.")
+        yield Commands([f"zerobeam positions keep {answer.backup} --robot ARM --entered J2=… -o FOLDER"])
     moved = [row.moved_mm for row in answer.positions if row.moved_mm is not None]
     if moved and answer.command == "reach":
         joints = sum(row.kind == "joints" for row in answer.positions)

@@ -94,6 +94,48 @@ def test_a_measurement_is_left_out_and_taken_back(quick: str, reported: Path) ->
         assert problems(tab) == []
 
 
+MODULE = """MODULE {0}
+  CONST jointtarget p{0}:=[[10,20,-30,40,50,{1}],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  PROC go{0}()
+    MoveAbsJ p{0},v100,fine,tool0;
+  ENDPROC
+ENDMODULE
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("how", ["files", "folder", "zip"])
+def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(
+    quick: str, tmp_path: Path, how: str
+) -> None:
+    backup = tmp_path / "Cell 7"
+    (backup / "TASK1").mkdir(parents=True)
+    files = [backup / "TASK1" / f"{name}.mod" for name in "AB"]
+    for number, path in enumerate(files):
+        path.write_text(MODULE.format(path.stem, number))
+    (backup / "photo.png").write_bytes(b"no program")
+    archive = Path(shutil.make_archive(str(tmp_path / "sent"), "zip", backup))
+    sent, name = {
+        "files": (files, "programs"),
+        "folder": (backup, "Cell 7"),
+        "zip": (archive, "sent"),
+    }[how]
+    inputs = "form.program input[type=file]"
+    with result(quick, "good") as tab:
+        unfold(tab, "My programs")
+        wait(tab, f"document.querySelector({inputs!r})?.accept.includes('.mod')")
+        field = f"{inputs}{'[webkitdirectory]' if how == 'folder' else ':not([webkitdirectory])'}"
+        tab.on(lambda frame: frame.page.set_input_files(field, sent))
+        wait(tab, f"document.querySelector('.program select').value === 'good/{name}.zip'")
+        tab.value(f"{button('Convert the positions')}.click()")
+        links = "[...document.querySelectorAll('form.program a[download]')].map((a) => a.textContent)"
+        wait(tab, f"{links}.some((text) => text.includes('B.mod'))", 120)
+        assert tab.value(links) == [
+            f"Download {one}" for one in ("positions.html", "audit.json", "A.mod", "B.mod")
+        ]
+        assert problems(tab) == []
+
+
 @pytest.mark.long
 def test_what_is_not_determined_has_no_number_and_no_value_to_enter(quick: str) -> None:
     with result(quick, "x-pattern") as tab:

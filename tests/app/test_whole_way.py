@@ -68,16 +68,6 @@ def converted(tab: Tab, walker: Walker, listing: Path, frames: Path) -> None:
     wait(tab, done, _MINUTES)
 
 
-def converted_at_once(tab: Tab, walker: Walker, label: str, files: Path | list[Path], name: str) -> None:
-    """Several files, or a folder: one backup."""
-    walker.send(label, files)
-    wait(tab, f"document.querySelector('.program select')?.value.endsWith({name!r})")
-    walker.press("button", "Convert the positions")
-    made = f"{Path(name).stem}-conv"
-    done = f"[...document.querySelectorAll('a[download]')].some((a) => a.href.includes('{made}'))"
-    wait(tab, done, _MINUTES)
-
-
 @pytest.mark.parametrize("by", WALKS)
 def test_the_whole_way_from_the_empty_folder_to_a_converted_program(tmp_path: Path, by: str) -> None:
     make, size = WALKS[by]
@@ -85,30 +75,20 @@ def test_the_whole_way_from_the_empty_folder_to_a_converted_program(tmp_path: Pa
     folder.mkdir()
     backup = DIALECTS["TP"].made(2)
     text = backup.texts["WORK.LS"].replace("/POS", "  99:L P[1] 10mm/sec FINE Offset,PR[7]    ;\n/POS")
-    (tmp_path / "MyBackup").mkdir()
     for name, content in {"WORK.LS": text, "SYSFRAME.VA": backup.texts["SYSFRAME.VA"]}.items():
         (tmp_path / name).write_text(content)
-        (tmp_path / "MyBackup" / name).write_text(content)
     with app(folder) as served, chromium().opened(served.address, size) as tab:
         walker = make(tab)
         wait(tab, "document.querySelector('.begin')")
         to_the_result(tab, walker)
         exported(tab, walker)
-        listing, frames = tmp_path / "WORK.LS", tmp_path / "SYSFRAME.VA"
-        converted(tab, walker, listing, frames)
-        converted_at_once(tab, walker, "or send files", [listing, frames], "programs.zip")
-        converted_at_once(tab, walker, "or send a folder", tmp_path / "MyBackup", "MyBackup.zip")
+        converted(tab, walker, tmp_path / "WORK.LS", tmp_path / "SYSFRAME.VA")
         assert tab.console == []
         assert [url for url in tab.asked if not url.startswith(root(served.address))] == []
     (sheet,) = (folder / NAME).glob("*fanuc*.txt")
     assert "J2" in sheet.read_text(encoding="utf-8")
     assert (folder / NAME / "WORK.LS").read_text() == text
-    audit, *others = sorted(
-        (folder / NAME).glob("*converted*/audit.json"), key=lambda path: "WORK" not in str(path)
-    )
-    assert len(others) == 2
-    for other in others:
-        assert (other.parent / "WORK.LS").read_bytes() == (audit.parent / "WORK.LS").read_bytes()
+    (audit,) = (folder / NAME).glob("*converted*/audit.json")
     entered = np.zeros(6)
     for one in json.loads(audit.read_text())["entered"]:
         entered[int(one["joint"][1:]) - 1] = one["value"]

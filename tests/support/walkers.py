@@ -8,7 +8,6 @@ chooses.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -33,8 +32,8 @@ class Walker(Protocol):
     def write(self, label: str, text: str) -> None:
         """Text into a field."""
 
-    def send(self, label: str, file: Path | Sequence[Path]) -> None:
-        """A file, several, or a folder into a field for files."""
+    def send(self, label: str, file: Path) -> None:
+        """A file into a field for files."""
 
 
 def control(page: Any, role: str, name: str) -> Any:
@@ -86,7 +85,7 @@ class _Pointer:
         self.press("field", label)
         self._tab.on(lambda frame: frame.page.keyboard.type(text))
 
-    def send(self, label: str, file: Path | Sequence[Path]) -> None:
+    def send(self, label: str, file: Path) -> None:
         def act(frame: Any) -> None:
             with frame.page.expect_file_chooser(timeout=_FILE_PATIENCE_MS) as chooser:
                 self.hit(frame.page, "field", label)
@@ -175,7 +174,7 @@ class Keyboard:
         self.reach("field", label)
         self._tab.on(lambda frame: frame.page.keyboard.type(text))
 
-    def send(self, label: str, file: Path | Sequence[Path]) -> None:
+    def send(self, label: str, file: Path) -> None:
         self.reach("field", label)
 
         def act(frame: Any) -> None:
