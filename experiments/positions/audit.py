@@ -49,7 +49,8 @@ def require_not_converted(backup: Backup, *folders: Path) -> None:
 def _audits(*folders: Path) -> Iterator[Path]:
     looked = {folder.resolve() for folder in folders if folder.is_dir()}
     for folder in sorted(looked):
-        for each_folder in [folder, *sorted(each for each in folder.iterdir() if each.is_dir())]:
+        beside = [each for each in folder.iterdir() if each.is_dir() and each.name[0] != "."]
+        for each_folder in [folder, *sorted(beside)]:  # hidden: one that is just being written
             path = each_folder / AUDIT
             if path.is_file() and POSITIONS_SCHEMA.encode() in path.read_bytes()[:200]:
                 yield path
