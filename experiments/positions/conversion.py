@@ -19,6 +19,7 @@ from .program_backup import Backup, reading_of
 
 POSITIONS_SCHEMA: Final = "zerobeam/positions/1"
 _STEP = 100.0  # mm
+_STRETCH, _LEAP = 5.0, 60.0  # mm of a relative move in which no joint turns by so many degrees (mm)
 _EXACT_MM, _EXACT_RAD = 1e-5, 1e-7  # of inverse kinematics
 _UNITS = 3.0  # of the last digit: what reading back and inverting may be off, beside a near singularity
 
@@ -385,16 +386,18 @@ def _shift_at(
     arm: ArmChange,
 ) -> float | None:
     robot, display = arm.robot, arm.robot.display
-    by = np.eye(4)
-    by[:3, 3] = step
-    ends = []
+    by, ends = np.eye(4), []
     for joints, frames in ((moved.before, old), (moved.after, new)):
         pose = frames.pose(robot.fk(joints, "deg"))
-        flange = frames.flange(by @ pose if axes == "frame" else pose @ by)
-        rows, arrived = reach(robot, flange, (joints / display)[None])
-        if not arrived[0]:
-            return None
-        ends.append(rows[0] * display)
+        row = joints / display
+        for share in np.linspace(0, 1, 2 + int(np.linalg.norm(step) / _STRETCH))[1:]:
+            by[:3, 3] = share * step
+            flange = frames.flange(by @ pose if axes == "frame" else pose @ by)
+            rows, arrived = reach(robot, flange, row[None])
+            if not arrived[0] or np.abs((rows[0] - row) * display).max() > _LEAP:
+                return None
+            row = rows[0]
+        ends.append(row * display)
     try:
         meant = arm.change(ends[0])
     except NotConvertible:

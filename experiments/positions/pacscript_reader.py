@@ -18,7 +18,7 @@ _CHANGED = re.compile(r"Change(Tool|Work)[ \t]+(\d+)?", _I)
 _WHAT: dict[str, What] = {"tool": "tool", "work": "frame"}
 _ADDED = re.compile(rf"(?P<goal>.+?)\s*(?P<sign>[-+])\s*(?P<by>P?\s*\(\s*{_LIST}\s*\))", _I)
 _DEV = re.compile(r"Dev(?P<tool>H?)\s*\((?P<parts>.*)\)", _I | re.DOTALL)
-_OPTION = re.compile(r"(?:S|Speed|Accel|Decel|Time)\s*=.*|Next|I\d+|If\b.*", _I)
+_OPTION = re.compile(r"(?:S|Speed|Accel|Decel|Time)\s*=.*|Next|If\b.*", _I)
 
 
 def read_pacscript(reading: BackupReading) -> None:

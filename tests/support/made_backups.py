@@ -108,10 +108,9 @@ class MadeBackup:
         for joints in (one.joints, one.joints + entered):
             pose = np.linalg.inv(frame) @ arm.fk(joints, "deg") @ tool
             end = by @ pose if axes == "frame" else pose @ by
-            ends.append(arm.climbed(frame @ end @ np.linalg.inv(tool), joints))
-        if not all(len(rows) for rows in ends):
-            return None
-        return self._apart(one, ends[0][0] + entered, ends[1][0])
+            ends.append(arm.straight(frame @ end @ np.linalg.inv(tool), joints))
+        before, after = ends
+        return None if before is None or after is None else self._apart(one, before + entered, after)
 
     def readings(self, texts: dict[str, str], near: Matrix) -> list[Matrix]:
         """(6,) the joints to which the controller goes for each position, from those near by."""
