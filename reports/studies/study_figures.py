@@ -296,6 +296,9 @@ def curves_picture(
 
 
 def _panel_of_curves(axes: Axes, panel: CurvePanel, x: Scale) -> None:
+    left, right = x.put(axes, "x", [value for one in panel.curves for value in one.xs])
+    parts = [part for one in panel.curves for part in (one.ys, one.low or (), one.high or ())]
+    panel.y.put(axes, "y", [value for part in parts for value in part])
     for one in panel.curves:
         if one.low is not None and one.high is not None:
             ends, colour = (one.xs, one.low, one.high), light(one.look.role)
@@ -308,9 +311,6 @@ def _panel_of_curves(axes: Axes, panel: CurvePanel, x: Scale) -> None:
         limit_line(axes.axhline, panel.limit, zorder=1.5)
     if panel.line is not None:
         axes.axhline(panel.line, color=light("muted"), linewidth=0.9, zorder=1.6)
-    left, right = x.put(axes, "x", [value for one in panel.curves for value in one.xs])
-    parts = [part for one in panel.curves for part in (one.ys, one.low or (), one.high or ())]
-    panel.y.put(axes, "y", [value for part in parts for value in part])
     for low, high, words in panel.gaps:
         hatch(axes.axvspan, low, high, words=words, zorder=1)
         at = math.sqrt(low * high) if x.log else (low + high) / 2
@@ -320,11 +320,15 @@ def _panel_of_curves(axes: Axes, panel: CurvePanel, x: Scale) -> None:
         write_gap(axes, at, 0.5, words, rotation=0 if points > 5 * len(words) else 90, **how)
     panel.more(axes)
     if panel.title:
-        axes.set_title(in_font(panel.title), loc="left", fontsize=9, fontweight="bold", pad=3)
+        axes.set_title(_in_lines(panel.title), loc="left", fontsize=9, fontweight="bold", pad=3)
     if panel.head:
-        axes.set_title(in_font(panel.head), fontsize=9, pad=4)
+        axes.set_title(_in_lines(panel.head), fontsize=8.5, pad=4)
     axes.set_xlabel(in_font(panel.across))
-    axes.set_ylabel(in_font(panel.up))
+    axes.set_ylabel(_in_lines(panel.up), fontsize=8.5)
+
+
+def _in_lines(text: str) -> str:
+    return "\n".join(map(in_font, text.split("\n")))
 
 
 def legend_above(figure: Figure, entries: Entries, columns: int) -> None:

@@ -220,12 +220,15 @@ def _lines_picture(study: GridStudy) -> Picture | None:
         rows = [next((row for row in case.parameters if row.name == one.name), None) for case in cases]
         words = [gap(case, row) for case, row in zip(cases, rows, strict=True)]
         # With more than one unit each parameter says its own.
-        name = label(one.name, 14) + (f", {unit_signs([one])}" if "," in signs else "")
+        unit = f"{', ' if single else chr(10)}{unit_signs([one])}" if "," in signs else ""
+        name = label(one.name, 12) + unit
         panel = CurvePanel(
             _curves_of(values, rows, "" if words_alone else "-"),
             scales[one.unit],
             title=name if single else "",
-            head="" if single or k >= wide else clipped(point_name(point), 72 // wide),
+            head=""
+            if single or k >= wide
+            else "\n".join(clipped(point_name((of,)), 72 // wide) for of in point),
             up="" if single or k % wide else name,
             limit=tolerance(study, one),
             gaps=_runs_of_gaps(edges, words),
