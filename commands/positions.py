@@ -102,6 +102,7 @@ def _show(answer: "Conversion", as_json: bool) -> None:
 def _write(answer: "Conversion", folder: Path, as_json: bool) -> None:
     """Show the answer, and write it where all of it is converted; exit status 1 where not."""
     from ..reports.positions.positions_folder import write_conversion
+    from ..words.wording import counted
 
     if not answer.converted:
         _show(answer, as_json)
@@ -109,4 +110,5 @@ def _write(answer: "Conversion", folder: Path, as_json: bool) -> None:
     written = write_conversion(folder, answer)
     _show(answer, as_json)
     if not as_json:
-        say(f"Written to {written.folder}: {len(answer.files)} files, positions.html, audit.json", to=console)
+        count = counted(len(answer.files), "file")
+        say(f"Written to {written.folder}: {count}, positions.html, audit.json", to=console)

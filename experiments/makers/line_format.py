@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .maker import FormatMark, PointNames
+from .maker import FormatMark, Maker, PlanProgram, PointNames, Reader
 
 if TYPE_CHECKING:
     from ...model.files.plan import Plan
+    from ...model.files.robot_file import Vendor
     from ..positions.position import JointLanguage
     from .format_options import ProgramMotion
     from .import_jobs import Imported, ImportJob, TaughtPoint
@@ -21,11 +22,11 @@ def _as_written(text: str, points: "list[TaughtPoint]") -> "list[TaughtPoint]":
 
 
 class LineParts(NamedTuple):
-    """The language, None where no positions are read; `program` writes that of a plan and a motion, by the
+    """The language; `program` writes that of a plan and a motion, by the
     path of its file, as one text or as several by path. `named` gives the positions of a text names, where
     they have numbers only. `digits` are the decimals of joints that the controller saves."""
 
-    language: "JointLanguage | None"
+    language: "JointLanguage"
     program: Callable[..., str | Mapping[Path, str]]
     named: Named = _as_written
     digits: int = 4
@@ -33,40 +34,48 @@ class LineParts(NamedTuple):
 
 @dataclass(frozen=True)
 class LineFormat:
-    """`parts` are loaded once they are used."""
+    """`program` is that of a plan: name, label, usual files, options; `reads` are the files that are read,
+    `about` the help of that, `mark` a pattern of such a text with what it is. With `log` the reader also
+    takes what a plan's program prints. `parts` are loaded once they are used."""
 
     parts: Callable[[], LineParts]
+    program: tuple[str, str, tuple[str, ...], tuple[str, ...]]
+    reads: str
+    about: str
+    mark: tuple[str, str]
+    log: str | None = None
 
-    def program(self, plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    def texts(self, plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
         """The files of a plan's program."""
         written = self.parts().program(plan, motion, file)
         return {file: written} if isinstance(written, str) else written
 
-    def mark(self, pattern: str, why: str) -> FormatMark:
-        """The mark of a text in this language."""
+    def points(self, text: str, path: Path) -> "list[TaughtPoint]":
+        """The positions of a text."""
+        from .taught_positions import written_points
 
-        def points(text: str, path: Path) -> "list[TaughtPoint]":
-            from .taught_positions import written_points
+        language, _, named, _ = self.parts()
+        return named(text, written_points(language, text, path))
 
-            language, _, named, _ = self.parts()
-            assert language is not None
-            return named(text, written_points(language, text, path))
-
-        return FormatMark(pattern, why, points)
-
-    def reader(self, about: str, *, log: str | None = None) -> Callable[..., Any]:
-        """Reads positions that were taught, or recorded by a plan's program; with `log` also what that
-        prints. `about` is the help."""
+    def reader(self) -> Callable[..., Any]:
+        """Reads positions that were taught, or recorded by a plan's program."""
 
         def read(job: "ImportJob", points: PointNames = None) -> "Imported":
             from .joint_text import import_program_log, is_program_log
             from .taught_positions import import_taught
 
-            if log is not None and points is None and is_program_log(job):
-                return import_program_log(job, source=log)
+            if self.log is not None and points is None and is_program_log(job):
+                return import_program_log(job, source=self.log)
             language, _, named, digits = self.parts()
-            assert language is not None
             return import_taught(language, job, points=points, digits=digits, named=named)
 
-        read.__doc__ = about
+        read.__doc__ = self.about
         return read
+
+    def maker(self, name: str, vendor: "Vendor", models: str, **more: Any) -> Maker:
+        """The maker that has this format, and `more`."""
+        kind, label, files, options = self.program
+        marks = (FormatMark(*self.mark, self.points),)
+        reader = Reader(kind, self.reader(), self.reads, marks=marks, program_log=self.log is not None)
+        program = PlanProgram(kind, label, files, self.texts, options)
+        return Maker(name, vendor, models, program=(program,), read=(reader,), **more)

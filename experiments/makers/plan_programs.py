@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,6 +111,17 @@ def made_for(plan: Plan, vendor: Vendor, what: str, most: int, holder: str) -> s
     note = require_vendor(plan.robot, vendor, what)
     require_axes(plan.robot, most, holder)
     return note
+
+
+def require_name(file: Path, pattern: str, what: str, language: str, allowed: str) -> None:
+    """BadInput where the stem of a file, which is the name of `what`, is none in the language."""
+    if not re.fullmatch(pattern, file.stem, re.ASCII):
+        raise BadInput(
+            f"the file's name is that of the {what}, and {language} does not allow this one",
+            found=file.stem,
+            allowed=allowed,
+            remedy="choose another name for the file",
+        )
 
 
 def top_speeds(robot: Robot) -> list[float]:

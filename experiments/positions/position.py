@@ -380,10 +380,10 @@ class PositionLanguage(JointLanguage):
     pose: Callable[[Sequence[float]], Matrix]
     pose_numbers: Callable[[Matrix], Sequence[float]]
     form: str
-    pose_decimals: tuple[int, ...]
-    joint_decimals: int
     matches: Callable[[Sequence[str], Branch, Matrix], bool]
     configuration: Callable[[Sequence[str], Branch, Matrix], Sequence[str]]
+    pose_decimals: tuple[int, ...] = (6,) * 6
+    joint_decimals: int = 6
     null: frozenset[str] = frozenset({"0"})
     up: int = 1
     by_joint2: bool = False

@@ -1,7 +1,6 @@
 """Denso: PacScript programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -11,28 +10,15 @@ def _parts() -> LineParts:
     return LineParts(PACSCRIPT, pacscript_program)
 
 
-_FORMAT = LineFormat(_parts)
-_READ = _FORMAT.reader(
+_FORMAT = LineFormat(
+    _parts,
+    ("pacscript", "PacScript (Denso)", ("zb_plan.pcs",), ("speed",)),
+    "Logs of a plan's program, or PacScript files (.pcs).",
     "Denso: the messages of a plan's program, or joint positions (J) of a PacScript program.",
+    (
+        r"^[ \t]*[A-Za-z]\w*(?:\[\d+\])?[ \t]*=[ \t]*J[ \t]*\(",
+        "its joint positions (… = J(…)), as of a PacScript program",
+    ),
     log="PacScript",
 )
-MAKER = Maker(
-    "Denso",
-    "denso",
-    r"denso|v[smp] ?\d+\w*|cobotta\w*",
-    program=(PlanProgram("pacscript", "PacScript (Denso)", ("zb_plan.pcs",), _FORMAT.program, ("speed",)),),
-    read=(
-        Reader(
-            "pacscript",
-            _READ,
-            "Logs of a plan's program, or PacScript files (.pcs).",
-            marks=(
-                _FORMAT.mark(
-                    r"^[ \t]*[A-Za-z]\w*(?:\[\d+\])?[ \t]*=[ \t]*J[ \t]*\(",
-                    "its joint positions (… = J(…)), as of a PacScript program",
-                ),
-            ),
-            program_log=True,
-        ),
-    ),
-)
+MAKER = _FORMAT.maker("Denso", "denso", r"denso|v[smp] ?\d+\w*|cobotta\w*")

@@ -9,16 +9,23 @@ TakeArm changes tool and frame is not published as far as is known here: behind 
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
-from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
+from ..plan_programs import (
+    LOG,
+    LOG_PLAN,
+    head_lines,
+    listed,
+    made_for,
+    percents,
+    require_name,
+    short_hash,
+    steps_of,
+)
 
-_NAME = re.compile(r"[A-Za-z]\w{0,63}", re.ASCII)
 _STATE = "I[90]"
 _USAGE = (
     "Start this program again and again: each start records where the arm is, as a line of the message",
@@ -34,13 +41,13 @@ def pacscript_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
     """Text of the program. Each start writes the joints of the posture where the arm is to the message output
     window, and goes to the next one; a start that was stopped on the way goes there again."""
     note = made_for(plan, "denso", "a PacScript program", 6, "J")
-    if not _NAME.fullmatch(file.stem):
-        raise BadInput(
-            "the file's name is that of the program, and PacScript does not allow this one",
-            found=file.stem,
-            allowed="a letter, then letters, digits and _: at most 64 (zb_plan.pcs)",
-            remedy="choose another name for the file",
-        )
+    require_name(
+        file,
+        r"[A-Za-z]\w{0,63}",
+        "program",
+        "PacScript",
+        "a letter, then letters, digits and _: at most 64 (zb_plan.pcs)",
+    )
     steps = steps_of(plan, motion)
     named = {name: row for step in steps for name, row in step.named.items()}
     joints = ' & " " & '.join(f"Str(Joint({i}, zb_here))" for i in range(1, plan.robot.n + 1))

@@ -1,7 +1,6 @@
 """Doosan: DRL programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -11,23 +10,12 @@ def _parts() -> LineParts:
     return LineParts(DRL, lambda plan, motion, file: drl_program(plan, motion))
 
 
-_FORMAT = LineFormat(_parts)
-_READ = _FORMAT.reader(
+_FORMAT = LineFormat(
+    _parts,
+    ("drl", "DRL (Doosan)", ("zb_plan.drl",), ("speed", "tool")),
+    "Logs of a plan's program, or DRL files (.drl).",
     "Doosan: the pendant's log of a plan's program, or joint positions (posj) of a DRL program.",
+    (r"\bposj[ \t]*\(", "its joint positions (posj), as of DRL"),
     log="DRL",
 )
-MAKER = Maker(
-    "Doosan",
-    "doosan",
-    r"doosan|[maeh]\d{4}s?",
-    program=(PlanProgram("drl", "DRL (Doosan)", ("zb_plan.drl",), _FORMAT.program, ("speed", "tool")),),
-    read=(
-        Reader(
-            "drl",
-            _READ,
-            "Logs of a plan's program, or DRL files (.drl).",
-            marks=(_FORMAT.mark(r"\bposj[ \t]*\(", "its joint positions (posj), as of DRL"),),
-            program_log=True,
-        ),
-    ),
-)
+MAKER = _FORMAT.maker("Doosan", "doosan", r"doosan|[maeh]\d{4}s?")

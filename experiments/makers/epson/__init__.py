@@ -1,13 +1,16 @@
 """Epson: SPEL+ programs and their points, a sheet for Calib."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..line_format import LineFormat, LineParts
 from ..maker import Maker, OffsetFile, PlanProgram, Reader, require_vendor
 
 if TYPE_CHECKING:
+    from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
+    from ..format_options import ProgramMotion
     from ..import_jobs import Imported, ImportJob
 
 _ABOUT = [
@@ -50,18 +53,17 @@ def _read_log(job: "ImportJob") -> "Imported":
     return import_program_log(job, source="SPEL+")
 
 
-def _parts() -> LineParts:
+def _program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
     from .spel_program import spel_program
 
-    return LineParts(None, spel_program)
+    return {file: spel_program(plan, motion, file)}
 
 
-_FORMAT = LineFormat(_parts)
 MAKER = Maker(
     "Epson",
     "epson",
     r"epson|prosix\w*",
     offsets=(OffsetFile("epson", _sheet),),
-    program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _FORMAT.program, ("speed",)),),
+    program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _program, ("speed",)),),
     read=(Reader("spel", _read_log, "Logs of a plan's program (zb_plan.log).", program_log=True),),
 )

@@ -6,16 +6,23 @@ the angle of a joint; Preserve keeps a variable when a program ends; AOpen opens
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
-from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
+from ..plan_programs import (
+    LOG,
+    LOG_PLAN,
+    head_lines,
+    listed,
+    made_for,
+    percents,
+    require_name,
+    short_hash,
+    steps_of,
+)
 
-_NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
 _USAGE = (
     "Start this function again and again, from the Run window: each start records where the arm is, in",
     "zb_plan.log, and goes to the next posture. In between no program runs: jog the beam onto the centre.",
@@ -27,13 +34,13 @@ _USAGE = (
 def spel_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
     """Text of the program, whose function has the name of `file`."""
     note = made_for(plan, "epson", "a SPEL+ program", 6, "JA")
-    if not _NAME.fullmatch(file.stem):
-        raise BadInput(
-            "the file's name is that of the function, and SPEL+ does not allow this one",
-            found=file.stem,
-            allowed="a letter, then letters, digits and _: at most 32 (zb_plan.prg)",
-            remedy="choose another name for the file",
-        )
+    require_name(
+        file,
+        r"[A-Za-z]\w{0,31}",
+        "function",
+        "SPEL+",
+        "a letter, then letters, digits and _: at most 32 (zb_plan.prg)",
+    )
     steps = steps_of(plan, motion)
     angles = [
         f'      zb_line$ = zb_line$ + " " + FmtStr$(Agl({i}), "0.0000")' for i in range(1, plan.robot.n + 1)

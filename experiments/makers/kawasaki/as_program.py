@@ -8,29 +8,25 @@ the controller: a program that does not set them leaves both open.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
-from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
-
-_NAME = re.compile(r"[A-Za-z]\w{0,14}")
+from ..plan_programs import decimal, head_lines, made_for, percents, require_name, steps_of
 
 
 def as_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
     """Text of the program that has the name of `file`. At each posture it pauses, and then stores the joints
     as #zb_m0, #zb_m1, …, which are those of the plan before."""
     note = made_for(plan, "kawasaki", "an AS program", 6, "a joint displacement value")
-    if not _NAME.fullmatch(file.stem):
-        raise BadInput(
-            "the file's name is that of the program, and AS does not allow this one",
-            found=file.stem,
-            allowed="a letter, then letters, digits and _: at most 15 (zb_plan.as)",
-            remedy="choose another name for the file",
-        )
+    require_name(
+        file,
+        r"[A-Za-z]\w{0,14}",
+        "program",
+        "AS",
+        "a letter, then letters, digits and _: at most 15 (zb_plan.as)",
+    )
     steps, percent = steps_of(plan, motion), min(percents(plan.robot, motion.speed))
     lines = [f".PROGRAM {file.stem}()", *(f"  ; {line}" for line in head_lines(plan, motion, note))]
     if motion.tool is not None:

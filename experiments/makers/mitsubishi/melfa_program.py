@@ -8,17 +8,14 @@ turns. Tool and Base stay in the controller: a program that does not set them le
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
-from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..format_options import ProgramMotion
 from ..maker import one_line
-from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
+from ..plan_programs import decimal, head_lines, made_for, percents, require_name, steps_of
 
 DIGITS = 2  # of the values of a program that the controller saves
-_NAME = re.compile(r"[A-Za-z0-9]\w{0,15}")
 _CONFIRM = (
     "At each posture the program stops (Hlt): jog the beam onto the centre, and teach the joint variable of",
     "the posture again (JZB_P0, JZB_P1, ...). Then start; confirm: the arm goes on to the next posture, or",
@@ -30,13 +27,13 @@ _CONFIRM = (
 def melfa_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
     """Text of the program. At each posture it stops, for its joint variable to be taught again."""
     note = made_for(plan, "mitsubishi", "a MELFA-BASIC program", 6, "a joint variable")
-    if not _NAME.fullmatch(file.stem):
-        raise BadInput(
-            "the file's name is that of the program, and the controller does not allow this one",
-            found=file.stem,
-            allowed="letters, digits and _: at most 16 (ZB_PLAN.prg)",
-            remedy="choose another name for the file",
-        )
+    require_name(
+        file,
+        r"[A-Za-z0-9]\w{0,15}",
+        "program",
+        "the controller",
+        "letters, digits and _: at most 16 (ZB_PLAN.prg)",
+    )
     steps, percent = steps_of(plan, motion), min(percents(plan.robot, motion.speed))
     lines = [f"' {line}" for line in (*head_lines(plan, motion, note), *_CONFIRM)]
     lines += [f"JOvrd {percent}", "Cnt 0"]

@@ -1,7 +1,6 @@
 """Techman: TMscript programs."""
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, PlanProgram, Reader
 
 
 def _parts() -> LineParts:
@@ -11,28 +10,11 @@ def _parts() -> LineParts:
     return LineParts(TMSCRIPT, lambda plan, motion, file: tmscript_program(plan, motion))
 
 
-_FORMAT = LineFormat(_parts)
-_READ = _FORMAT.reader(
+_FORMAT = LineFormat(
+    _parts,
+    ("tmscript", "TMscript (Techman)", ("zb_plan.tms",), ("speed", "tool")),
+    "TMscript files (.tms, .txt).",
     "Techman: joints in TMscript, as a person wrote them into a plan's program.",
+    (r"\bJPP\b|^[ \t]*float\[\][ \t]+\w+[ \t]*=[ \t]*\{", "its joints (JPP, float[]), as of TMscript"),
 )
-MAKER = Maker(
-    "Techman",
-    "techman",
-    r"techman|tm ?\d+[sx]?|tm ?\d+[sx]? \d{3,4}",
-    program=(
-        PlanProgram("tmscript", "TMscript (Techman)", ("zb_plan.tms",), _FORMAT.program, ("speed", "tool")),
-    ),
-    read=(
-        Reader(
-            "tmscript",
-            _READ,
-            "TMscript files (.tms, .txt).",
-            marks=(
-                _FORMAT.mark(
-                    r"\bJPP\b|^[ \t]*float\[\][ \t]+\w+[ \t]*=[ \t]*\{",
-                    "its joints (JPP, float[]), as of TMscript",
-                ),
-            ),
-        ),
-    ),
-)
+MAKER = _FORMAT.maker("Techman", "techman", r"techman|tm ?\d+[sx]?|tm ?\d+[sx]? \d{3,4}")

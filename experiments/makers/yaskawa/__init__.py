@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ..line_format import LineFormat, LineParts
-from ..maker import Maker, OffsetFile, PlanProgram, Reader, require_vendor
+from ..maker import OffsetFile, require_vendor
 
 if TYPE_CHECKING:
     from ....model.files.run import Run
@@ -47,25 +47,17 @@ def _parts() -> LineParts:
     return LineParts(INFORM, inform_program, named_positions, digits=0)
 
 
-_FORMAT = LineFormat(_parts)
-_READ = _FORMAT.reader(
+_FORMAT = LineFormat(
+    _parts,
+    ("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), ("speed", "tool")),
+    "Saved jobs (.JBI).",
     "Yaskawa: positions in pulses of a saved job, taught, or modified in a plan's program.",
+    (r"^/JOB\b", "its line /JOB, as of an INFORM job"),
 )
-MAKER = Maker(
+MAKER = _FORMAT.maker(
     "Yaskawa",
     "yaskawa",
     r"motoman|yaskawa|gp ?\d+\w*",
     offsets=(OffsetFile("yaskawa", _sheet),),
-    program=(
-        PlanProgram("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), _FORMAT.program, ("speed", "tool")),
-    ),
-    read=(
-        Reader(
-            "inform",
-            _READ,
-            "Saved jobs (.JBI).",
-            marks=(_FORMAT.mark(r"^/JOB\b", "its line /JOB, as of an INFORM job"),),
-        ),
-    ),
     live="yaskawa://HOST",
 )

@@ -22,10 +22,9 @@ from ....model.kinematics.pendant import Pendant
 from ..format_options import ProgramMotion
 from ..import_jobs import TaughtPoint
 from ..maker import one_line
-from ..plan_programs import head_lines, made_for, percents, steps_of
+from ..plan_programs import head_lines, made_for, percents, require_name, steps_of
 from ..taught_positions import named_by_remarks
 
-_NAME = re.compile(r"[A-Za-z][\w-]{0,7}", re.ASCII)
 _USAGE = (
     "At each pause: jog the beam onto the centre, put the cursor on the MOVJ above, MODIFY, ENTER.",
     "At the end save the job, and import it.",
@@ -40,13 +39,13 @@ def inform_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
     position there; a remark above each motion names it, since jobs number positions anew. The date is fixed:
     the same plan is the same job."""
     note = made_for(plan, "yaskawa", "an INFORM job", 6, "a job's position")
-    if not _NAME.fullmatch(file.stem):
-        raise BadInput(
-            "the file's name is that of the job, and INFORM does not allow this one",
-            found=file.stem,
-            allowed="a letter, then letters, digits, _ and -: at most 8 (ZB_PLAN.JBI)",
-            remedy="choose another name for the file",
-        )
+    require_name(
+        file,
+        r"[A-Za-z][\w-]{0,7}",
+        "job",
+        "INFORM",
+        "a letter, then letters, digits, _ and -: at most 8 (ZB_PLAN.JBI)",
+    )
     tool = "0" if motion.tool is None else motion.tool.strip()
     if not re.fullmatch(r"\d{1,2}", tool):
         raise BadInput("--tool is the number of a tool file", found=tool, allowed="0 to 63")
