@@ -1,8 +1,8 @@
 """The command line: signals first, then all that it consists of (`commands/program.py`).
 
-Exit status: 0 verdict pass; 1 weak or degenerate; 2 bad input or usage; 3 a fault of the rig or of the
-program, a failed fit, or output that could not be written; 130 stopped, by Ctrl-C or a request to end; 141
-nobody reads the output any more.
+Exit status: 0 verdict pass; 1 weakly observable or degenerate; 2 bad input or usage; 3 a fault of the rig or
+of the program, a failed fit, or output that could not be written; 130 stopped, by Ctrl-C or a request to end;
+141 nobody reads the output any more.
 """
 
 from __future__ import annotations

@@ -17,9 +17,9 @@ _INTRO = """\
 # Commands
 
 Made from the command line: `zerobeam COMMAND --help` prints the same. The exit status is 0 for the verdict
-pass (or where the command succeeded), 1 for weak or degenerate, or a study or comparison that does not agree,
-or a signature that is not valid, 2 for bad input or usage, 3 for a fault of the rig, a fit that did not
-converge or output that cannot be written, 130 after Ctrl-C or SIGTERM, 141 where nobody reads
+pass (or where the command succeeded), 1 for weakly observable or degenerate, or a study or comparison that
+does not agree, or a signature that is not valid, 2 for bad input or usage, 3 for a fault of the rig, a fit
+that did not converge or output that cannot be written, 130 after Ctrl-C or SIGTERM, 141 where nobody reads
 the output any more.
 """
 

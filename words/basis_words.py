@@ -21,7 +21,7 @@ def basis_lines(
     by_header = [*_noise(header), *(_words(one, k, name, effects) for one in bases if one.stated)]
     assumed = [_words(one, k, name, effects) for one in bases if not one.stated]
     lines = [f"Stated: {'; '.join(by_header)}."] if by_header else []
-    return (*lines, *([f"Assumed, not measured: {'; '.join(assumed)}."] if assumed else []))
+    return (*lines, *([f"Assumed: {'; '.join(assumed)}."] if assumed else []))
 
 
 def _noise(header: Mapping[str, object]) -> Iterator[str]:
@@ -56,7 +56,7 @@ def _sizes(entry: Mapping[str, object], keys: Sequence[tuple[str, Unit]]) -> str
 def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
     if basis.part == "links":
         what = "links" if basis.stated else "typical links"
-        exact = "links exactly nominal (geometry: exact)"
+        exact = "links exact"
     else:
         what = named_part(basis.kind, basis.of, basis.part)
         exact = f"{named_part(basis.kind, basis.of, basis.part)} exactly as stated"

@@ -70,7 +70,6 @@ from .observability import (
     assumed_steps,
     condition,
     direction_remedy,
-    helps_little,
     remaining,
     stating,
 )
@@ -298,10 +297,7 @@ def _determine(one: Open, case: RunCase) -> str:
     better = _better_postures(one, case)
     if better is None:
         return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
-    if helps_little(one.direction):
-        return f"Enter nothing yet: {better.text}."
-    change = direction_remedy(one.direction, person, then=False)
-    return f"Enter nothing yet: {change}. Or plan {better.row.shots} better postures: U {better.U}."
+    return f"Enter nothing yet: {better.text}."
 
 
 def _better_postures(one: Open, case: RunCase) -> BetterPostures | None:

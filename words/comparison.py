@@ -16,7 +16,7 @@ from ..analysis.repeatability.repeat import (
 )
 from .misfit_words import criterion_sentence
 from .numbers import p_words, times
-from .wording import be, listed
+from .wording import WEAK, be, capital, listed
 
 
 def headline(runs: Comparison) -> str:
@@ -85,7 +85,7 @@ def notes(compared: Comparison) -> Iterator[str]:
         {offset.name for run in compared.runs for offset in run.offsets if offset.status == "weak"}
     ):
         yield (
-            f"Weakly observable in at least one run: {listed(weak)}. The part of the prior in an estimate is"
+            f"{capital(WEAK)} in at least one run: {listed(weak)}. The part of the prior in an estimate is"
             " taken out, to first order"
         )
     if compared.consistency is not None and compared.consistency.ratio_interval95[1] < 1:

@@ -15,7 +15,7 @@ WHY_THEY_DIFFER = (
     " also make up for links that deviate and joints that bend, as far as offsets can. The U of a value"
     " includes how well these are known: it may be larger than that of the offset."
 )
-MAKE_UP = "Values to enter make up for links too: their U is not that of the offsets."  # the same, short
+MAKE_UP = "The values make up for links too: U is theirs, not the offsets’."  # the same, short
 NOT_CLAIMED = "What they gain at the TCP is not claimed: it depends on what is not determined."
 TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on what is not determined."
 TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."

@@ -16,11 +16,11 @@ from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from .geometry_words import by_tolerances
 from .observability import reason
-from .wording import Namer, capital, ended, person, sentence
+from .wording import WEAK, Namer, capital, ended, person, sentence
 
 VERDICT_WORDS: dict[PlanVerdict, str] = {
     "pass": "Pass",
-    "weak": "Weak",
+    "weak": capital(WEAK),
     "degenerate": "Degenerate",
     "misfit": "Misfit",
     "violated": "Constraints violated",

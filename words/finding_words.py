@@ -236,17 +236,17 @@ def robust_message(robust: Robust) -> str:
     )
 
 
-def tcp_words(accuracy: TcpAccuracy, name: Namer = str) -> str:
-    """What the point is whose accuracy is stated."""
+def tcp_words(accuracy: TcpAccuracy, name: Namer = str, tool: str = "the tool") -> str:
+    """What the point is whose accuracy is stated; `tool` is what has it."""
     match accuracy.source:
         case "stated point":
             return "a point stated by the user"
         case "tool":
-            return "the stated point of the tool"
+            return f"the stated point of {tool}"
         case "last axis":
             n = accuracy.joints
             return (
-                f"the point of the axis of joint {n} nearest to the stated point of the tool, as"
+                f"the point of the axis of joint {n} nearest to the stated point of {tool}, as"
                 f" {name(f'delta{n}')} is not determined"
             )
 

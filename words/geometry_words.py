@@ -110,8 +110,8 @@ def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: fl
     present, u = _range(std, units, k), "u" if k == 1 else "U"
     if geometry.tolerance is None:
         return (
-            f"With nominal geometry {u} is {present}; if the arm deviates from it by"
-            f" {tolerances_words(geometry)}, {considered}. Leave out geometry: exact to estimate it."
+            f"Leave out geometry: exact to estimate the links: if they deviate by"
+            f" {tolerances_words(geometry)}, {u} is {considered}, not {present}."
         )
     half, twice = _range(geometry.at_half, units, k), _range(geometry.at_twice, units, k)
     otherwise = (

@@ -36,7 +36,9 @@ from .entries import VERDICT_WORDS, graded, message_by, rows_of, sentences_of, w
 from .plan_catalogue import plan_headline, plan_message
 from .provenance import is_simulated
 from .trust import offsets_sentence
-from .wording import NOT_DETERMINED, Namer, clipped, counted, person, shown
+from .wording import NOT_DETERMINED, Namer, clipped, counted, person, shown, status_words
+
+WHAT_ELSE = "What else to know"  # the cautions that page one has no room for
 
 
 def message(answer: Result | Check) -> Message:
@@ -100,8 +102,16 @@ def _of_run(case: RunCase) -> Message:
         unit, u = numbers.unit_of(row.unit), k * row.std
         return f"{numbers.estimate(row.estimate, u, unit)} ± {numbers.spread(u, unit)}"
 
-    content = message_by(case, RUN, f"{_judged(case)}. {_determined(case)}", worst_of(rows, k, value))
+    content = message_by(case, RUN, _verdict(case), worst_of(rows, k, value))
     return replace(content, action=_saved_first(case, content.action))
+
+
+def _verdict(case: RunCase) -> str:
+    """The verdict's word and the offsets; a word that is theirs is said once."""
+    weak = case.verdict == "weak" and any(row.status == "weak" for row in case.offsets)
+    if weak and case.stopped is None and case.conformity is None:
+        return f"{_judged(case)}: {offsets_sentence(case.offsets, case.k, case.name, after='weak')}"
+    return f"{_judged(case)}. {_determined(case)}"
 
 
 def _judged(case: RunCase) -> str:
@@ -166,7 +176,9 @@ def verdict_words(verdict: Verdict, content: Message | None) -> str:
     where the result cannot be read."""
     if verdict == "pass" and content is None:
         return "pass, result unreadable"
-    return "pass, enter nothing" if content is not None and contradicted(verdict, content) else verdict
+    if content is not None and contradicted(verdict, content):
+        return "pass, enter nothing"
+    return status_words(verdict)
 
 
 def result_words(result: Result) -> str:

@@ -58,7 +58,8 @@ _SPOTS = {
 _AGAIN = "and analyse again"
 # Mended by another file: by a new import, or by a new recording.
 _BY_ANOTHER_RUN = frozenset(
-    {"units", "quaternion", "inverse", "inverse_pose", "repeats", "jump", "drift", "lag", "backlash"}
+    {"swapped_joints", "sign", "units", "coupling", "metres", "mirrored", "quaternion", "inverse"}
+    | {"inverse_pose", "rows", "repeats", "jump", "drift", "lag", "backlash", "gain"}
 )
 
 
@@ -156,11 +157,14 @@ def mend(explanation: Explanation) -> str:
     of = explanation.of
     match explanation.cause:
         case "swapped_joints":
-            return f"Exchange the columns of {listed(joints)} in the recording, {_AGAIN}."
+            return (
+                f"Exchange the columns of {listed(joints)}: import the recording again with them exchanged"
+                f" (zerobeam import csv --columns), {_AGAIN}."
+            )
         case "sign":
             return (
-                f"Reverse the sign of {joints[0]} in the recording (zerobeam import csv --reversed), or its"
-                f" axis in the robot file, {_AGAIN}."
+                f"Reverse the sign of {joints[0]} in the recording (zerobeam import csv --reversed), or of"
+                f" its axis in the robot file, {_AGAIN}."
             )
         case "zero":
             return f"Correct the zero of {joints[0]} in the recording, or theta_deg of its row, {_AGAIN}."

@@ -43,7 +43,7 @@ from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
-from .wording import Namer, are, be, capital, clipped, counted, joints, label, listed, shown
+from .wording import WEAK, Namer, are, be, capital, clipped, counted, joints, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
@@ -157,14 +157,14 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "no known mechanism"
 
 
-def remedy(cause: Cause, name: Namer = str, tried: Tried | None = None, *, then: bool = True) -> str:
+def remedy(cause: Cause, name: Namer = str, tried: Tried | None = None) -> str:
     """What to do, as an imperative without a full stop; with what it is predicted to give where it was
     `tried`."""
     if tried is None:
         return _untried(cause, name)
     if tried.how == "tolerances":
-        return f"{_closer(cause, tried)}; {_promise(tried, name, then=then)}"
-    return f"{_change(tried)}; {_promise(tried, name, then=then)}"
+        return f"{_closer(cause, tried)}; {_promise(tried, name)}"
+    return f"{_change(tried)}; {_promise(tried, name)}"
 
 
 def helps_little(direction: NullDirection) -> bool:
@@ -179,9 +179,9 @@ def helps_little(direction: NullDirection) -> bool:
     return tried.how == "tolerances" or weak
 
 
-def direction_remedy(direction: NullDirection, name: Namer = str, *, then: bool = True) -> str:
-    """What to do about a direction, and `then` after that."""
-    return remedy(direction.cause, name, direction.tried, then=then)
+def direction_remedy(direction: NullDirection, name: Namer = str) -> str:
+    """What to do about a direction."""
+    return remedy(direction.cause, name, direction.tried)
 
 
 def _change(tried: Tried) -> str:
@@ -218,10 +218,10 @@ def _closer(cause: Cause, tried: Tried) -> str:
     return f"measure the geometry of arm and tool and state tolerances {times} times smaller"
 
 
-def _promise(tried: Tried, name: Namer, *, then: bool) -> str:
+def _promise(tried: Tried, name: Namer) -> str:
     """What a remedy is predicted to give."""
     text = f"predicted U: {listed([_predicted(each, name) for each in tried.predicted])}"
-    if then and any(each.after > each.tolerance for each in tried.predicted):
+    if any(each.after > each.tolerance for each in tried.predicted):
         text += f"; then {_PLAN_MORE}"
     return text
 
@@ -230,7 +230,7 @@ def _predicted(row: Predicted, name: Namer) -> str:
     """Expanded uncertainties, k = 2."""
     unit = numbers.unit_of(row.unit)
     before = "not determined" if row.before is None else numbers.spread(COVERAGE * row.before, unit)
-    weak = " (still weak)" if row.after > row.tolerance else ""
+    weak = f" (still {WEAK})" if row.after > row.tolerance else ""
     return f"{name(row.name)} {before} → {numbers.spread(COVERAGE * row.after, unit)}{weak}"
 
 
@@ -469,7 +469,7 @@ def direction_kind(direction: NullDirection) -> str:
     if direction.data_std is None or direction.data_std >= 1:
         return "not resolvable at this noise level: the data say less than the prior"
     share = numbers.significant(direction.data_std, 2)
-    return f"weakly observable: its uncertainty is {share} of the prior"
+    return f"{WEAK}: its uncertainty is {share} of the prior"
 
 
 def rank_facts(facts: Identifiability) -> list[tuple[str, str]]:
@@ -557,11 +557,11 @@ _BY_ANOTHER_RUN = "compare with a second run (zerobeam compare)"
 def _again(power: DetectionPower) -> str:
     if power.again >= 1:
         return _BY_ANOTHER_RUN
-    return f"repeat {'more postures' if power.again else 'the first postures'} (plan --repeat)"
+    return f"repeat {'more' if power.again else 'the first'} postures"
 
 
 def _twice(power: DetectionPower) -> str:
-    return _BY_ANOTHER_RUN if power.again >= 1 else "repeat all postures (plan --repeat)"
+    return _BY_ANOTHER_RUN if power.again >= 1 else "repeat all postures"
 
 
 # What reveals wrong models, one remedy for each group; what repeats show by what can still be repeated.
@@ -569,9 +569,9 @@ _REVEALS: tuple[tuple[frozenset[WrongModel], str | Callable[[DetectionPower], st
     (_OF_THE_RUN, _again),
     (frozenset({"reading", "typing"}), _twice),
     (frozenset({"backlash"}), "come to every posture from the same side"),
-    (frozenset({"noise"}), "state the noise, or have it estimated (noise: {scale: estimated})"),
-    (frozenset({"arm"}), "measure more postures, or state its tolerances (geometry)"),
-    (frozenset({"tool", "beam"}), "measure its mounting, and state it"),
+    (frozenset({"noise"}), "estimate the noise"),
+    (frozenset({"arm"}), "measure more postures"),
+    (frozenset({"tool", "beam"}), "measure the mounting"),
 )
 
 
@@ -596,21 +596,21 @@ def _hidden_words(power: DetectionPower, remedy: str) -> str:
     offset = numbers.significant(power.hidden_offset, 2, "deg")
     at_tcp = power.hidden_tcp_mm
     mm = "" if at_tcp is None else f", TCP {numbers.significant(at_tcp, 2, 'mm')}"
-    return f"{capital(remedy)}: {wrong_words(power, size, power.hidden_joint)} can hide ({offset}{mm})."
+    return f"{capital(remedy)}: {wrong_words(power, size, power.hidden_joint)} can hide: {offset}{mm}."
 
 
 # Wrong models as nouns; a size without a unit is so many "times".
 _WRONG: dict[WrongModel, str] = {
     "tool": "a tool {size} off",
     "beam": "a beam {size} off its direction",
-    "arm": "an arm {size} its tolerances off",
-    "jump": "a jump of the zero of J{joint} by {size}",
-    "drift": "a drift of the zero of J{joint} by {size}",
+    "arm": "links {size} their tolerances",
+    "jump": "a {size} jump of J{joint}’s zero",
+    "drift": "a {size} drift of J{joint}’s zero",
     "moved": "a target moved {size}",
     "reading": "one reading {size} off",
     "typing": "one joint value {size} off",
     "backlash": "backlash of {size}",
-    "noise": "a noise {size} the stated noise",
+    "noise": "noise {size} the stated",
 }
 
 

@@ -52,7 +52,7 @@ from .observability import (
 from .outlook_words import BetterPostures, better_postures, plan_command
 from .plan_words import plan_sentence, violation_sentence, violation_words
 from .trust import offsets_sentence
-from .wording import Namer, capital, counted, ended, listed, person, sentence
+from .wording import WEAK, Namer, capital, counted, ended, listed, person, sentence
 
 
 def estimated(check: Check) -> list[CheckedParameter]:
@@ -199,9 +199,13 @@ def plan_message(check: Check) -> Message:
         return f"U {u} ({numbers.coverage(COVERAGE)})"
 
     verdict = f"{VERDICT_WORDS[check.verdict]}. {f'{_broken(check)}. ' if check.violations else ''}"
-    verdict += offsets_sentence(estimated(check), COVERAGE)
-    rows = [row for row in estimated(check) if row.status != "assumed"]
-    content = message_by(check, PLAN, verdict, worst_of(rows, COVERAGE, value))
+    rows = estimated(check)
+    if check.verdict == "weak" and any(row.status == "weak" for row in rows):
+        verdict = f"{VERDICT_WORDS['weak']}: {offsets_sentence(rows, COVERAGE, after='weak')}"
+    else:
+        verdict += offsets_sentence(rows, COVERAGE)
+    known_rows = [row for row in rows if row.status != "assumed"]
+    content = message_by(check, PLAN, verdict, worst_of(known_rows, COVERAGE, value))
     action = Action(ended(sentence(content.action.text)), content.action.command)
     return replace(content, action=action, may=May())
 
@@ -236,7 +240,7 @@ def determined_because(
     reasons = dict.fromkeys(reason(worst_direction(null_space, each).cause, name) for each in open_)
     texts: dict[Status, str] = {
         "unidentifiable": f"unidentifiable from these measurements: {'; '.join(reasons)}",
-        "weak": "only weakly observable in these measurements",
+        "weak": f"only {WEAK} in these measurements",
         "identified": "identified",
         "unvalidated": "unvalidated",
     }

@@ -4,7 +4,7 @@ last column of the one table of an answer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from ..analysis.observability.causes import AsGoodAs, Cause, Held
@@ -13,7 +13,7 @@ from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .entries import NONE_ESTIMATED
 from .observability import part_of, size_of
-from .wording import Namer, be, joints, listed, person
+from .wording import WEAK, Namer, be, joints, listed, person, status_words
 
 _HELD_BY: dict[HeldBy, str] = {
     "base frame": "held: base frame",
@@ -24,17 +24,20 @@ _HELD_BY: dict[HeldBy, str] = {
 }
 
 
-def offsets_sentence(rows: Sequence[_Offset], k: float, name: Namer = person) -> str:
+def offsets_sentence(
+    rows: Sequence[_Offset], k: float, name: Namer = person, after: Status | None = None
+) -> str:
     """Which offsets are determined, in one short sentence, the gravest first: `J2 to J5 are identified,
-    U ≤ 0.17° (k = 2); J6 assumed.` Their table says why."""
+    U ≤ 0.17° (k = 2); J6 assumed.` Their table says why. The status `after` which it follows is not said
+    again."""
     by_status = {status: [row for row in rows if row.status == status] for status in _ORDER}
     parts = []
     for status, of_status in by_status.items():
         if not of_status:
             continue
         subject = listed(joints([row.name for row in of_status], name))
-        verb = "" if status == "assumed" else f" {be(of_status)}"
-        text = f"{subject}{verb} {status}"
+        verb = "" if parts else f" {be(of_status)}"
+        text = subject if status == after else f"{subject}{verb} {status_words(status)}"
         if status == "identified" and not by_status["weak"] and not by_status["unidentifiable"]:
             text += f", {_at_most(of_status, k)} ({numbers.coverage(k)})"
         if status == "weak" and not by_status["unidentifiable"]:
@@ -65,15 +68,26 @@ def _at_most(rows: Sequence[_Offset], k: float) -> str:
     return f"U ≤ {' and '.join(numbers.spread(u, numbers.unit_of(unit)) for unit, u in largest.items())}"
 
 
-class _Row(Protocol):
-    @property
-    def status(self) -> Status: ...
+class _Row(_Offset, Protocol):
     @property
     def cause(self) -> Cause | None: ...
 
 
-def trusted(row: _Row) -> str:
-    """Yes or no, and by what."""
+def tolerances_of(header: Mapping[str, object]) -> dict[str, float]:
+    """Up to which u an offset counts as identified, by unit, of a header's plain values."""
+    stated = header.get("tolerance")
+    keys = {"deg": "offset_deg", "mm": "length_mm"}
+    of_unit = {unit: stated.get(key) for unit, key in keys.items()} if isinstance(stated, dict) else {}
+    return {unit: float(value) for unit, value in of_unit.items() if isinstance(value, int | float)}
+
+
+def above(limit: float, k: float, unit: str) -> str:
+    """That U is above `k` times the tolerance of an offset: `U > 0.2°`."""
+    return f"U > {numbers.exact(k * limit, unit)}"
+
+
+def trusted(row: _Row, k: float, tolerances: Mapping[str, float]) -> str:
+    """Yes or no, and by what; `tolerances` (u, by unit) decide what is weakly observable."""
     cause = row.cause
     match row.status:
         case "held":
@@ -89,7 +103,9 @@ def trusted(row: _Row) -> str:
         case "assumed":
             return "no: assumed"
         case "weak":
-            return "no: weak"
+            limit = tolerances.get(row.unit)
+            beyond = limit is not None and row.std is not None and row.std > limit
+            return f"no: {WEAK}{f', {above(limit, k, row.unit)}' if limit and beyond else ''}"
         case "unvalidated":
             return "no: the model does not fit"
         case "unidentifiable":

@@ -27,6 +27,12 @@ _GEOMETRY = re.compile(r"(link|joint)(\d+)\.(a|b|d|alpha|beta|theta|gravity|cos|
 _GREEK = {"alpha": "α", "beta": "β", "theta": "θ", "cos": "cos q", "sin": "sin q"}
 
 NOT_DETERMINED = "not determined by these data"
+WEAK = "weakly observable"
+
+
+def status_words(status: str) -> str:
+    """A status, or the verdict of that name, as people read it."""
+    return WEAK if status == "weak" else status
 
 
 def shown(text: str) -> str:

@@ -295,8 +295,8 @@ class Result:
     intervals: Annotated[
         tuple[Intervals, ...],
         it(
-            "the 95 % intervals by three methods, of offsets, tool and noise that are weak or where "
-            "two methods differ"
+            "the 95 % intervals by three methods, of offsets, tool and noise that are weakly observable or"
+            " where two methods differ"
         ),
     ] = ()
     accuracy: Annotated[
@@ -330,7 +330,9 @@ class Result:
             "estimated). A measurement: `shot`, `target`, `links` (points from the base over joints "
             "and flange to laser or tip, mm, base frame), `beam_to` (the point of the beam nearest to"
             " the target, null for a probe), `ahead` (false: the laser points away), `sights` (lines "
-            "to what other instruments measure, two points each). `outlines`: of planes and balls "
+            "to what other instruments measure, two points each), `residual_mm` (the residual as a vector:"
+            " from what is measured, by the fit, to where this measurement has it; null where that has no"
+            " place). `outlines`: of planes and balls "
             "`target` and `lines`. A target: `name`, `at_mm` (null: unidentifiable), `covariance_mm2`"
             " (3 × 3, null if unidentifiable or held). Unidentifiable offsets and tool parameters are"
             " shown at their prior means"

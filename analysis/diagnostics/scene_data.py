@@ -7,7 +7,7 @@ at its prior mean, and a target that they leave open has no place.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -28,6 +28,8 @@ class SceneShot:
     laser (or to the tip of the probe, or to the first of what is measured there), `beam_to` where its beam
     comes nearest to the target, None for a probe. `ahead` is False where the laser points away from the
     target: `beam_to` is then as far as that is. `sights` are the lines to what other instruments measure.
+    `residual_mm` is the residual as a vector: from where the target (or what a station measures) is by the
+    fit to where this measurement has it; None where what is measured has no place, as a plane.
     """
 
     shot: int
@@ -36,6 +38,7 @@ class SceneShot:
     beam_to: Point | None
     ahead: bool
     sights: tuple[tuple[Point, Point], ...] = ()
+    residual_mm: Point | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,8 @@ def scene(solution: Solution) -> RunScene | None:
             part = read[reads_target]
             target = targets[problem.target_index[i]]
             touched.setdefault(shot.target, (part, target, []))[2].append(tips[reads_target])
+    vectors = _residual_vectors(problem, solution.fit.x, chosen)
+    shots = [replace(shot, residual_mm=vector) for shot, vector in zip(shots, vectors, strict=True)]
     outlines = (
         SceneOutline(name, tuple(tuple(map(_point, line)) for line in lines))
         for name, (part, target, tips) in touched.items()
@@ -108,6 +113,22 @@ def scene(solution: Solution) -> RunScene | None:
         radius2=_radius2(solution),
         outlines=tuple(outlines),
     )
+
+
+def _residual_vectors(problem: Problem, x: Matrix, rows: Index) -> Iterator[Point | None]:
+    """Of measurements at x (p,): the shortest displacement, mm in the base frame, of what they measure that
+    leaves no residual of length."""
+    residual, jacobian = problem.linearise(x, rows=rows)
+    for k, i in enumerate(rows.tolist()):
+        name, read = problem.targets[problem.target_index[i]], problem.length_components[i]
+        place = problem.parameters.place_of(name)
+        if (place < 0).any():
+            yield None
+            continue
+        (columns,) = np.nonzero(np.isin(problem.columns[i], place))
+        moved = np.linalg.lstsq(jacobian[k][read][:, columns], -residual[k, read], rcond=1e-6)[0]
+        # Where a station moves, what it measures has moved the other way.
+        yield _point(-moved if problem.is_station(name) else moved)
 
 
 def drawn_shots(

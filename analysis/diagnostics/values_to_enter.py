@@ -131,10 +131,11 @@ class Entered:
 
 
 class ValueToEnter(NamedTuple):
-    """A value to enter, deg (mm), and its own standard uncertainty `u`."""
+    """A value to enter, deg (mm), its own standard uncertainty `u`, and its status by that."""
 
     value: float
     u: float
+    status: Status
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,8 @@ def offsets_to_enter(
     use these; of an exact arm they are the estimates."""
     fitted = _Fitted(solution, left_out, assumed=assumed)
     values, u = fitted.shown(fitted.offsets), fitted.shown(fitted.std)
-    return {name: ValueToEnter(value, u[name]) for name, value in values.items()}
+    status = _statuses(solution, u)
+    return {name: ValueToEnter(value, u[name], status[name]) for name, value in values.items()}
 
 
 def entered(

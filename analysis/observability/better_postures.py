@@ -54,7 +54,8 @@ class PostureSet(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class PostureSearch:
     """Postures for the measurements of an aimed `problem` at x (p,): of its instrument and its targets, which
-    a header says `entries` of. Those that are not `allowed` are left out; `weight` is 1 / noise scale²."""
+    a header says `entries` of. Those that are not `allowed`, and in which the arm blocks a beam or a line of
+    sight, are left out; `weight` is 1 / noise scale²."""
 
     problem: Problem
     x: Matrix
@@ -96,19 +97,13 @@ class PostureSearch:
         rng = np.random.default_rng(0)
         return self._drawn(rng), rng
 
-    @cached_property
-    def clear(self) -> PostureSet:
-        """Those of the pool in which the arm blocks no beam and no line of sight."""
-        shots = self.problem.select(self.pool.like).moved(self.pool.joints)
-        return self.pool.some(np.flatnonzero(~arm_in_the_way(shots, self.x, self.entries)))
-
     def next_best(self, covariance: Matrix, error: Matrix, count: int) -> Iterator[tuple[int, float]]:
-        """One of the clear postures after the other, each the one by which a mean squared error becomes
+        """One of the pool after the other, each the one by which a mean squared error becomes
         smallest beside those before it: which, and the error then, tr(C E).
 
         `covariance` C (f, f) of the scaled free parameters as they are, `error` E (f, f) the squared error by
         them. One measurement with the root R (d, f) leaves C - C R' (1 + R C R')^-1 R C."""
-        roots, left = self.clear.roots, covariance
+        roots, left = self.pool.roots, covariance
         for _ in range(min(count, len(roots))):
             gained = roots @ left
             inner = gained @ roots.transpose(0, 2, 1) + np.eye(roots.shape[1])
@@ -143,6 +138,7 @@ class PostureSearch:
             reached & ahead(aimed, x) & ~beyond_limits(problem.robot, aimed.joints, 0.0).any(axis=1)
         )
         fit = fit[self.allowed(aimed.select(fit))] if len(fit) else fit
+        fit = fit[~arm_in_the_way(aimed.select(fit), x, self.entries)] if len(fit) else fit
         aimed, which = aimed.select(fit), which[fit]
         if not len(fit):
             size = int(problem.parameters.free.sum())

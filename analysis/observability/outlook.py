@@ -283,14 +283,14 @@ class _Remedies:
         search, of = self.search, self.of
         if search is None or not of.estimated or self.now.tcp_95_mm is None:
             return
-        clear, display = search.clear, self.problem.robot.display
+        pool, display = search.pool, self.problem.robot.display
         for which, square in search.next_best(of.covariance, self.forecast.mean_square, _NEXT):
-            joints = clear.joints[which]
+            joints = pool.joints[which]
             at_posture = self.forecast.places(joints[None])
             (at,) = at_posture.round(1).tolist()
             ((away, up),) = beside_first_axis(self.problem.robot, at_posture).round(1).tolist()
             yield NextPosture(
-                target=self.problem.targets[self.problem.target_index[clear.like[which]]],
+                target=self.problem.targets[self.problem.target_index[pool.like[which]]],
                 joints=tuple((joints * display).round(3).tolist()),
                 tcp_mm=(at[0], at[1], at[2]),
                 beside_axis_mm=(away, up),

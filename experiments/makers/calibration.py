@@ -103,6 +103,11 @@ class Correction:
         return self.row.std if self.exported else None
 
     @property
+    @key("status of that value by its own u, null where nothing is applied")
+    def applied_status(self) -> Status | None:
+        return self.status if self.exported else None
+
+    @property
     def applied_rad(self) -> float:
         """`applied` in rad or mm."""
         return self._in_rad(self.applied)
@@ -255,6 +260,17 @@ class JointOffset(Correction):
         return super().applied_u
 
     @property
+    def applied_status(self) -> Status | None:
+        if self.exported and self.to_enter is not None and self.status == "identified":
+            return self.to_enter.status
+        return super().applied_status
+
+    @property
+    def only_value_weak(self) -> bool:
+        """Whether the offset is identified, and the value to enter is not known within the tolerance."""
+        return self.status == "identified" and self.applied_status == "weak"
+
+    @property
     def sentence(self) -> str:
         """The line about it in a file, in ASCII."""
         row = self.row
@@ -270,6 +286,7 @@ class JointOffset(Correction):
             words += ", EXCLUDED on request" if self.left_out else ""
             if self.exported and abs(self.applied - row.estimate) > _ROUNDED:
                 words += f"; to enter: {self.applied:+.6f} {row.unit}, u {self.applied_u:.2g} {row.unit}"
+                words += f", {STATUS_WORDS['weak']}" if self.only_value_weak else ""
         return one_line(f"{self.name} ({self.joint}): {words}")
 
 
@@ -463,6 +480,7 @@ def calibration(
             (
                 *_simulated(run),
                 *_relative(corrected_before, holds),
+                *_weak_values(offsets),
                 *map(criterion_sentence, solution.contradictions),
                 *run.warnings,
             ),
@@ -477,6 +495,17 @@ def _made_up_for(offsets: Sequence[JointOffset], geometry: Sequence[GeometryValu
 
 def _simulated(run: Run) -> tuple[str, ...]:
     return (NO_ROBOT,) if is_simulated(run.header.provenance) else ()
+
+
+def _weak_values(offsets: Sequence[JointOffset]) -> tuple[str, ...]:
+    """Values are entered together: without one of them the others would not lower the error of the TCP."""
+    names = [offset.name for offset in offsets if offset.only_value_weak]
+    if not names:
+        return ()
+    return (
+        f"the value to enter of {listed(names)} is only weakly observable, though the offset is identified:"
+        " it makes up for links that the measurements do not determine. Enter all values together, or none",
+    )
 
 
 def require_nominal_arm(ref: str | UrdfRef, folder: Path) -> None:

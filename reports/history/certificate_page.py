@@ -29,7 +29,17 @@ from ...words.geometry_words import tolerance_words
 from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
 from ...words.region_words import region_words
-from ...words.wording import NOT_DETERMINED, clipped, counted, ended, label, listed, sentence, shown
+from ...words.wording import (
+    NOT_DETERMINED,
+    clipped,
+    counted,
+    ended,
+    label,
+    listed,
+    sentence,
+    shown,
+    status_words,
+)
 from ..run.inputs import flat
 from ..run.parameter_section import NO_NUMBER, OFFSETS, legend
 from ..style.blocks import (
@@ -267,7 +277,7 @@ def _offsets(certificate: Certificate) -> Iterator[Block]:
 def _offset(row: CertifiedOffset, nominal: bool, k: float) -> Row:
     """One offset. What is not determined has no number in its row."""
     status, unit, name = row.status, unit_of(row.unit), label(row.name)
-    word, more = Cell(status, mark=status), [NO_NUMBER] if nominal else []
+    word, more = Cell(status_words(status), mark=status), [NO_NUMBER] if nominal else []
     if row.expanded is None or row.estimate is None:
         text = f"held {_held_at(row)}" if row.held else NOT_DETERMINED
         return row_of(name, Cell(text, span=2), *more, word, tone=status)

@@ -13,7 +13,7 @@ from ...experiments.history.documents import HISTORY_SCHEMA
 from ...model.records import one_line, to_json
 from ...words import numbers
 from ...words.message import verdict_words
-from ...words.wording import capital, clipped, counted, label, shown
+from ...words.wording import capital, clipped, counted, label, shown, status_words
 from ..style.blocks import Cell, Table, row_of, table_of
 
 _NONE = "none"
@@ -143,7 +143,7 @@ def _offset(result: StoredResult, name: str) -> str | Cell:
         if row.name != name:
             continue
         if row.status in ("held", "unidentifiable"):
-            return Cell(row.status, mark=row.status)
+            return Cell(status_words(row.status), mark=row.status)
         if row.estimate is None or row.std is None:
             break
         text = f"{numbers.estimate(row.estimate, row.std)} ± {numbers.spread(row.std, row.unit)}"

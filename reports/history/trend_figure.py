@@ -19,7 +19,7 @@ from ...experiments.history.arm_drift import YEAR, ArmDrift
 from ...experiments.history.content import Event
 from ...model.arrays import NORMAL_95, Matrix
 from ...words import numbers
-from ...words.wording import clipped, counted, label, listed
+from ...words.wording import WEAK, clipped, counted, label, listed
 from ..style.canvas import Picture, hatched, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
@@ -266,7 +266,7 @@ def _legend(figure: Figure, arm: ArmDrift) -> None:
                 marker=SHAPES["weak"],
                 markersize=3.8,
                 linewidth=1.2,
-                label="weakly observable",
+                label=WEAK,
             ),
         )
     if arm.jumps:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -56,6 +57,8 @@ _MOST_ROWS, _FIRST_ROWS = 40, 20  # of a longer table the first
 _HEAD = 10  # letters of a line of a head, at least
 _NARROWEST = 16  # letters of a column that has to give way
 _GAP = "  "
+# Between these no command is broken: an option with its value, or what a shell takes as one word.
+_OPTION_OR_WORD = re.compile(r"(?<!\S)--?[a-z][\w-]* (?=[^-\s])(?:'[^']*'|\S)+|'[^']*'")
 _TEXT_WIDTH = 96  # letters of a line of a text without a terminal
 
 
@@ -168,8 +171,9 @@ def _print_commands(out: Console, commands: Sequence[str]) -> None:
         width = max(out.width - 3, 20)
         if len(line) > width:
             width -= 5
-        wrapped = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
-        for part in " \\\n     ".join(wrapped).splitlines():
+        whole = _OPTION_OR_WORD.sub(lambda each: each.group().replace(" ", "\0"), line)
+        wrapped = textwrap.wrap(whole, width, break_long_words=False, break_on_hyphens=False)
+        for part in " \\\n     ".join(wrapped).replace("\0", " ").splitlines():
             out.print(Text(f"   {part}"), soft_wrap=True)
 
 

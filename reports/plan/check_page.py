@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,8 +16,8 @@ from ...words.numbers import unit_of
 from ...words.observability import outlook_lines, remaining
 from ...words.plan_catalogue import plan_headline, plan_message, planned_anew
 from ...words.plan_words import check_notes
-from ...words.trust import trusted
-from ...words.wording import joints, label, person, sentence
+from ...words.trust import tolerances_of, trusted
+from ...words.wording import joints, label, person, sentence, status_words
 from ..run.brief_page import MOST_CAUTIONS
 from ..run.outlook_section import outlook_blocks
 from ..run.parameter_section import worth_column
@@ -58,7 +58,7 @@ def check_page(check: Check, *, full: bool = False) -> Page:
         Directions([direction_words(each) for each in check.identifiability.null_space]),
         *map(Paragraph, [*outlook_lines(check), *([aimed] if off > 0.05 else [])]),
     ]
-    return _page(check, *(blocks if full else []))
+    return _page(check, *blocks, full=True) if full else _page(check)
 
 
 def proposal_page(made: MadePlan, *, full: bool = False) -> Page:
@@ -79,27 +79,32 @@ def proposal_page(made: MadePlan, *, full: bool = False) -> Page:
         predicted_table(check, offsets),
         *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=False),
         *map(Paragraph, [*([] if worth is None else [worth]), *sentences]),
+        full=True,
     )
 
 
-def _page(check: Check, *blocks: Block) -> Page:
+def _page(check: Check, *blocks: Block, full: bool = False) -> Page:
+    """All remedies are among the `blocks` of a `full` page, and said once."""
     notes = [sentence(note) for note in check_notes(check)]
     content = plan_message(check)
     first = replace(content, cautions=content.cautions[:MOST_CAUTIONS])
     sections = [section_of("", *blocks)] if blocks else []
-    return Page("", "", verdict_on(check), notes, sections, message=first, front=check_front(check))
+    first_blocks = check_front(check, remedies=not full)
+    return Page("", "", verdict_on(check), notes, sections, message=first, front=first_blocks)
 
 
-def check_front(check: Check) -> list[Block]:
-    """The one table, and what would make the plan better."""
+def check_front(check: Check, *, remedies: bool = True) -> list[Block]:
+    """The one table and, with `remedies`, what would make the plan better."""
     rows = [row for row in check.parameters if row.group == "offset"]
     columns = ["joint", f"predicted U ({numbers.coverage(COVERAGE)})", "trusted"]
-    table = table_of("", columns, [_front_row(row) for row in rows], "lrl")
-    return [table, *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=True)]
+    tolerances = tolerances_of(check.aimed.plan.header.model_dump(include={"tolerance"}))
+    table = table_of("", columns, [_front_row(row, tolerances) for row in rows], "lrl")
+    better = outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=True)
+    return [table, *better] if remedies else [table]
 
 
-def _front_row(row: CheckedParameter) -> Row:
-    why = Cell(trusted(row), mark=row.status)
+def _front_row(row: CheckedParameter, tolerances: Mapping[str, float]) -> Row:
+    why = Cell(trusted(row, COVERAGE, tolerances), mark=row.status)
     known = not row.held and row.std is not None
     u = numbers.spread(COVERAGE * row.std, unit_of(row.unit)) if known and row.std else "—"
     return row_of(*joints([row.name]), u, why, tone=row.status)
@@ -122,7 +127,7 @@ def predicted_table(check: Check, rows: Iterable[CheckedParameter]) -> Table:
 def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:
     """One unknown. Where it is unidentifiable its row has no number that could be taken for one."""
     status, unit = row.status, unit_of(row.unit)
-    name, word = label(row.name), Cell(status, mark=status)
+    name, word = label(row.name), Cell(status_words(status), mark=status)
     if row.held:
         return row_of(name, word, Cell("not estimated", span=4), tone=status)
     if row.std is None:

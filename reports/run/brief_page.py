@@ -10,8 +10,8 @@ from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.geometry_words import worth_sentence
-from ...words.message import message, verdict_words
-from ...words.provenance import is_simulated, true_values
+from ...words.message import WHAT_ELSE, message, verdict_words
+from ...words.provenance import BAND, is_simulated, true_values
 from ...words.wording import counted, ended, joints, listed, sentence, shown
 from ..style.blocks import (
     Cell,
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from ...experiments.procedure.events import Ended
 
 MOST_CAUTIONS = 3  # on page one
-SIMULATED = "Simulated: no robot was measured"
 
 
 def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Section | None] = ()) -> Page:
@@ -55,7 +54,7 @@ def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Sectio
     content = message(result)
     first = replace(content, cautions=content.cautions[:MOST_CAUTIONS])
     more = content.cautions[MOST_CAUTIONS:]
-    also = section_of("What else to know", *map(Paragraph, more)) if more else None
+    also = section_of(WHAT_ELSE, *map(Paragraph, more)) if more else None
     folds = next((k for k, one in enumerate(sections) if one is not None and one.folded), len(sections))
     present = [*sections[:folds], also, *sections[folds:]]
     return Page(
@@ -66,7 +65,7 @@ def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Sectio
         [section for section in present if section is not None],
         message=first,
         front=front(result),
-        band=SIMULATED if is_simulated(result.inputs.provenance) else "",
+        band=BAND if is_simulated(result.inputs.provenance) else "",
     )
 
 
@@ -103,7 +102,7 @@ def brief_page(result: Result) -> Page:
         predicted_run_section(result),
         None if wrong else intervals_section(result),
     ]
-    return page_of("", "", result, sections)
+    return replace(page_of("", "", result, sections), front=front(result, remedies=False))
 
 
 def ended_page(answer: Ended) -> Page:
@@ -111,7 +110,7 @@ def ended_page(answer: Ended) -> Page:
     table = (
         []
         if answer.verifies or not answer.parameters or answer.verdict == "misfit"
-        else [offsets_front(answer.parameters, answer.coverage_factor)]
+        else [offsets_front(answer.parameters, answer.coverage_factor, {})]
     )
     content, geometry, worth = answer.message, answer.geometry, None
     if geometry is not None and geometry.tolerance is None and answer.verdict != "misfit":

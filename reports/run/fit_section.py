@@ -5,6 +5,7 @@ held-out targets, the intervals by three methods.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ...analysis.answer.result import AngleResult, DistanceResult, LikelihoodSummary, Result
 from ...analysis.diagnostics.hold_out import HoldOut
@@ -114,23 +115,30 @@ def _both_estimates(result: Result) -> Table | None:
 
 
 def _power(rows: Sequence[DetectionPower]) -> Table | None:
-    """What the test of the residuals would have detected."""
-    columns = ["wrong model", "probability of detection", "error of an offset, in u", "risk", "at a size of"]
+    """What the test of the residuals would have detected, and what a pass can hide."""
+    columns = [
+        "what could be wrong",
+        "detected in",
+        "wrong passes",
+        "can hide",
+        "offset off by",
+        "TCP off by",
+    ]
     shown_rows = [
         row_of(
             sentence(wrong_words(row)),
             f"{100 * row.probability:.0f} %",
-            f"up to {numbers.significant(row.off_u, 2)}",
             f"{100 * row.risk:.1f} %",
-            "—"
-            if row.worst_size is None
-            else numbers.significant(row.worst_size, 2, numbers.unit_of(row.unit)),
+            numbers.or_words(row.hidden_size, "—", numbers.unit_of(row.unit), 2),
+            numbers.or_words(row.hidden_offset, "—", "deg", 2),
+            numbers.or_words(row.hidden_tcp_mm, "—", "mm", 2),
         )
         for row in rows
     ]
     caption = (
-        "Wrong models that such a run would detect; risk: the share of such runs that pass with an"
-        f" offset wrong by more than {LIMIT_U:g} u"
+        "What a run like this detects: in how many runs the residuals show it at this size; wrong passes: how"
+        f" many pass with an offset wrong by more than {LIMIT_U:g} u, at the worst size; the largest size"
+        " that a pass can hide, and what it does then"
     )
     return table_of(caption, columns, shown_rows) if rows else None
 
@@ -252,7 +260,8 @@ def intervals_section(result: Result) -> Section | None:
     if not _of_people(result):
         return None
     table, text = intervals_table(result)
-    return section_of("Intervals by three methods", Paragraph(text), table)
+    agree = not any(row.differ for row in _of_people(result))
+    return section_of("Intervals by three methods", Paragraph(text), replace(table, screen_only=agree))
 
 
 def _of_people(result: Result) -> list[Intervals]:

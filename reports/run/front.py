@@ -4,7 +4,7 @@ before and after, what would make it better. HTML, PDF, terminal, notebook and a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.values_to_enter import Entered, TcpError
@@ -15,21 +15,22 @@ from ...words.controllers import taken_by
 from ...words.enter import MAKE_UP, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT
 from ...words.message import message, offered
 from ...words.numbers import unit_of
-from ...words.region_words import region_short
-from ...words.trust import trusted
-from ...words.wording import NOT_DETERMINED, joints
+from ...words.region_words import region_words
+from ...words.trust import above, tolerances_of, trusted
+from ...words.wording import NOT_DETERMINED, WEAK, joints
 from ..scenes.null_motion_picture import NAME
 from ..style.blocks import Bar, Bars, Block, Cell, FigureBlock, Paragraph, Row, Table, row_of, table_of
 from .outlook_section import outlook_blocks
 from .workspace import NAME as MAP
 
 
-def front(result: Result) -> list[Block]:
-    """The blocks; of a wrong model there is none that could be taken for an answer."""
-    return list(_blocks(result))
+def front(result: Result, *, remedies: bool = True) -> list[Block]:
+    """The blocks; of a wrong model there is none that could be taken for an answer. Without `remedies` where
+    all of them are said below."""
+    return list(_blocks(result, remedies))
 
 
-def _blocks(result: Result) -> Iterator[Block]:
+def _blocks(result: Result, remedies: bool) -> Iterator[Block]:
     if result.misfit is not None:
         yield Paragraph(TCP_OF_A_MISFIT)
         return
@@ -38,12 +39,14 @@ def _blocks(result: Result) -> Iterator[Block]:
     head, values = "offset", None
     if entered is not None and taken_by(result.inputs.vendor) == "offsets":
         head, values = ("enter" if may.enter else "would enter"), entered
-    yield offsets_front(offsets, result.coverage_factor, head, values, doubted=not may.export)
+    tolerances = tolerances_of(result.inputs.header)
+    yield offsets_front(offsets, result.coverage_factor, tolerances, head, values, doubted=not may.export)
     if result.null_motion is not None:
         yield FigureBlock(NAME)
     yield _tcp(result, entered)
     planned = RunCase.of_result(result).planned
-    yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
+    if remedies:
+        yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
     if result.null_motion is None:
         yield FigureBlock(MAP)
 
@@ -51,21 +54,30 @@ def _blocks(result: Result) -> Iterator[Block]:
 def offsets_front(
     offsets: Sequence[ParameterResult],
     k: float,
+    tolerances: Mapping[str, float],
     head: str = "offset",
     entered: Entered | None = None,
     *,
     doubted: bool = False,
 ) -> Table:
     """The one table: joint, value, its U, and why it can be trusted or not; none is where something speaks
-    against the values (`doubted`)."""
+    against the values (`doubted`). `tolerances` are those of `trusted`."""
     columns = ["joint", head, f"± U ({numbers.coverage(k)})", "trusted"]
     caption = "" if entered is None or entered.tcp_best is None else MAKE_UP
-    return table_of(caption, columns, [_row(row, k, entered, doubted=doubted) for row in offsets], "lrrl")
+    rows = [_row(row, k, tolerances, entered, doubted=doubted) for row in offsets]
+    return table_of(caption, columns, rows, "lrrl")
 
 
-def _row(row: ParameterResult, k: float, entered: Entered | None, *, doubted: bool) -> Row:
+def _row(
+    row: ParameterResult,
+    k: float,
+    tolerances: Mapping[str, float],
+    entered: Entered | None,
+    *,
+    doubted: bool,
+) -> Row:
     """One joint. What is not determined, and of values to enter what is not entered, has no number."""
-    (name,), why = joints([row.name]), Cell(trusted(row), mark=row.status)
+    (name,), why = joints([row.name]), Cell(trusted(row, k, tolerances), mark=row.status)
     tone = row.status
     if row.held:
         return row_of(name, "", "", why, tone=tone)
@@ -80,22 +92,26 @@ def _row(row: ParameterResult, k: float, entered: Entered | None, *, doubted: bo
         else (entered.values[row.name], k * entered.u[row.name])
     )
     if entered is not None and row.status == "identified" and entered.status.get(row.name) == "weak":
-        why = Cell("offset yes, value weak", mark="weak")
+        limit = tolerances.get(row.unit)
+        value_is = WEAK if limit is None else above(limit, k, row.unit)
+        why = Cell(f"offset yes; value: {value_is}", mark="weak")
     if doubted and row.status == "identified":
         why = Cell("no: see what is to be done", mark="weak")
     return row_of(name, numbers.estimate(value, u, unit), numbers.spread(u, unit), why, tone=tone)
 
 
 def _tcp(result: Result, offered: Entered | None) -> Block:
-    """The error of the TCP as it is, and with the values that are offered."""
-    entered = offered or result.entered
+    """The error of the TCP as it is, and with the values that are offered, or with the corrected model, which
+    has the links too."""
+    entered, after = offered or result.entered, "entered"
+    if taken_by(result.inputs.vendor) != "offsets":
+        entered, after = result.entered_geometry or entered, "corrected"
     if entered is None or entered.tcp_before is None or entered.tcp_after is None:
         return Paragraph(TCP_NOT_CLAIMED)
-    after = "entered" if taken_by(result.inputs.vendor) == "offsets" else "corrected"
     bars = [_bar("now", entered.tcp_before, "held")]
     if offered is not None:
         bars.append(_bar(after, entered.tcp_after, "identified"))
-    return Bars(f"TCP error, median (95 %), {region_short(result.region)} of joint ranges", bars)
+    return Bars(f"TCP error, median (95 % stay below), {region_words(result.region)}", bars)
 
 
 def _bar(name: str, error: TcpError, tone: str) -> Bar:

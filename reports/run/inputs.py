@@ -30,8 +30,11 @@ from ..style.blocks import Facts, Form, Paragraph, Section, section_of
 
 
 def head_facts(result: Result) -> list[tuple[str, str]]:
-    """When, which machine and by whom, as the provenance says; for the head of a report."""
-    return [(name, clipped(text, 40) or "not stated") for name, text in _head(result.inputs)]
+    """When, which machine and by whom, as far as the provenance of a measured run says; for the head of a
+    report."""
+    if is_simulated(result.inputs.provenance):
+        return []
+    return [(name, clipped(text, 40)) for name, text in _head(result.inputs) if text]
 
 
 def when_and_serial(inputs: Inputs) -> tuple[str | None, str | None]:
@@ -64,20 +67,21 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
     ]
     sections = [section_of("Inputs", Facts(facts))]
     if provenance:
-        true = ", ".join(f"{name[5:]} {text}" for name, text in provenance if name.startswith("true "))
+        of_offsets = [row for row in provenance if row[0].startswith("true delta")]
+        true = ", ".join(f"{name[5:]} {text}" for name, text in of_offsets)
         origin = Facts([row for row in provenance if not row[0].startswith("true ")])
         sections.append(
             section_of(
                 "Provenance",
                 origin if origin.rows else None,
-                Paragraph(f"True values of the simulation: {true}.") if true else None,
+                Paragraph(f"True offsets of the simulation: {true}; result.json has all.") if true else None,
                 level=2,
             )
         )
     usual, every = _usual(header, (Header,)), flat(header)
     settings = [row for row in every if row[0] not in usual]
     rest = ", ".join(f"{name} {value}" for name, value in every if name in usual)
-    by_default = Paragraph(f"By default: {rest}.") if rest else None
+    by_default = Paragraph(f"By default: {rest}.", screen_only=True) if rest else None
     return [*sections, section_of("Settings of the run", Facts(settings), by_default, level=2)]
 
 
@@ -128,15 +132,14 @@ _HEAD = (DATE, SERIAL, OPERATOR)
 _SIGNED = ("Approved by", "Date of approval", "Signature")
 
 
-def traceability_section(result: Result) -> Section:
-    """A form with a field a row; what nobody has stated is left empty."""
+def traceability_section(result: Result) -> Section | None:
+    """A form with a field a row; what nobody has stated is left empty. None of a simulated run."""
     provenance = by_plain_key(result.inputs.provenance)
     fields = [*MEASURED, *traced(result.inputs.instruments.values())]
     entries = [(name, provenance_entry(provenance, keys)) for name, keys in fields]
-    about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
     if is_simulated(provenance):
-        about += " These measurements were simulated: no instrument took part, and nothing here is traceable."
-        return section_of("Traceability", Paragraph(about))
+        return None
+    about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
     entries.append(("SHA-256 of the run", result.inputs.sha256))
     return section_of("Traceability", Paragraph(about), Form(entries, _SIGNED))
 

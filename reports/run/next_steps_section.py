@@ -9,9 +9,10 @@ from ..style.blocks import Block, Commands, Paragraph, Section, section_of
 
 def next_steps_section(result: Result) -> Section | None:
     """The section of the report; None where the message says it all."""
-    advice = next_steps(result, message(result))
+    content = message(result)
+    advice = next_steps(result, content)
     blocks: list[Block] = []
-    if advice.enter:
+    if advice.enter and content.may.enter:
         blocks.append(
             Paragraph("Enter the values of page one: corrected reading = recorded position + value.")
         )

@@ -17,7 +17,7 @@ from ...words.outlook_words import (
     remedy_words,
 )
 from ...words.region_words import region_short
-from ...words.wording import person
+from ...words.wording import joints
 from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
 
 
@@ -40,8 +40,8 @@ def outlook_blocks(
         cells = [row_of(one.remedy, one.largest, one.tcp_median, one.minutes) for one in words]
         return [table_of("", [head, "largest U", "TCP", "time"], cells, "lr")]
     cells = [row_of(one.remedy, *one.U, one.tcp_median, one.tcp_95, one.minutes) for one in words]
-    heads = ["", *(f"U of {person(name)}" for name in units), *HEADS]
-    table = table_of(f"{TITLE}: predicted, k = 2", heads, cells, "lr")
+    heads = ["", *(joints([name])[0] for name in units), *HEADS]
+    table = table_of(f"{TITLE}: predicted U (k = 2) of each offset", heads, cells, "lr")
     commands = [command for row in shown if (command := plan_command(planned, row)) is not None]
     return [table, *map(Paragraph, outlook_notes(outlook)), *([Commands(commands)] if commands else [])]
 

@@ -25,7 +25,8 @@ from ...words.geometry_words import (
 from ...words.numbers import unit_of
 from ...words.observability import reason
 from ...words.provenance import true_values
-from ...words.wording import NOT_DETERMINED, label, listed, person, sentence
+from ...words.trust import tolerances_of
+from ...words.wording import NOT_DETERMINED, label, listed, person, sentence, status_words
 from ..style.blocks import (
     Cell,
     Column,
@@ -158,7 +159,7 @@ def _without_u(row: Row) -> Row:
 def _parameter_row(row: ParameterResult, k: float) -> Row:
     """One parameter. Without an estimate there is no number in its row that could be taken for one."""
     status, unit = row.status, unit_of(row.unit)
-    name, word = label(row.name), Cell(status, mark=status)
+    name, word = label(row.name), Cell(status_words(status), mark=status)
     if row.held and row.estimate is not None:
         return row_of(name, Cell(f"held at {numbers.exact(row.estimate, unit)}", span=2), word, tone=status)
     if row.estimate is None or row.std is None:
@@ -172,16 +173,11 @@ def _parameter_row(row: ParameterResult, k: float) -> Row:
 
 def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[LegendEntry]:
     """What each status that occurs means, in words."""
-    tolerance = header.get("tolerance")
-    tolerances = []
-    if isinstance(tolerance, dict):
-        for key, unit in (("offset_deg", "deg"), ("length_mm", "mm")):
-            if isinstance(tolerance.get(key), int | float):
-                tolerances.append(numbers.exact(float(tolerance[key]), unit))
+    tolerances = [numbers.exact(limit, unit) for unit, limit in tolerances_of(header).items()]
     within = " or ".join(tolerances) or "the tolerance"
     meaning: dict[Status, str] = {
         "identified": f"the measurements determine it, standard uncertainty u within {within}",
-        "weak": f"weakly observable: the measurements determine it, u beyond {within}",
+        "weak": f"the measurements determine it, u beyond {within}",
         "assumed": (
             "the measurements determine it only with what is assumed of tool or instruments, and neither"
             " stated nor measured: no part of a pass, and not entered"
@@ -194,7 +190,7 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
         "held": "not estimated; the reason is stated below",
     }
     present = set(statuses)
-    return [LegendEntry(key, key, text) for key, text in meaning.items() if key in present]
+    return [LegendEntry(key, status_words(key), text) for key, text in meaning.items() if key in present]
 
 
 def reasons(parameters: Sequence[JudgedParameter]) -> list[LegendEntry]:
@@ -322,7 +318,7 @@ def _alt(rows: Sequence[ParameterResult], k: float) -> str:
         else:
             u = k * row.std
             value = f"{numbers.estimate(row.estimate, u, row.unit)} ± {numbers.spread(u, row.unit)}"
-            parts.append(f"{name} {value} ({row.status})")
+            parts.append(f"{name} {value} ({status_words(row.status)})")
     unvalidated = any(row.status == "unvalidated" for row in rows)
     return f"{UNVALIDATED_OFFSETS if unvalidated else 'Joint offsets ± U'}: {'; '.join(parts)}."
 

@@ -87,7 +87,7 @@ def residuals_section(result: Result) -> Section:
         "Residuals",
         Paragraph(text),
         FigureBlock("misses", screen_only=len(shots) <= FEW_SHOTS),  # the table says the same of them
-        FigureBlock("residual_map", screen_only=len(shots) <= FEW_SHOTS),
+        FigureBlock("residual_map"),
         table_of(caption, columns, rows, aligned),
     )
 

@@ -10,7 +10,7 @@ from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
 from ...words.geometry_words import geometry_title
 from ...words.observability import combination_words, direction_kind, direction_remedy, rank_facts, reason
-from ...words.wording import NOT_DETERMINED, be, counted, label, listed, person, sentence
+from ...words.wording import NOT_DETERMINED, WEAK, be, capital, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def _sentence(parameters: Sequence[JudgedParameter], directions: Sequence[NullDi
         )
     else:
         text = f"Nothing that was asked for: every {what} that was not held is determined by the data."
-    return text + (f" Weakly observable, beyond the tolerance: {listed(weak)}." if weak else "")
+    return text + (f" {capital(WEAK)}, beyond the tolerance: {listed(weak)}." if weak else "")
 
 
 def direction_words(direction: NullDirection) -> Direction:

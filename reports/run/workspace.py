@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...analysis.answer.result import Result
-from ...analysis.diagnostics.accuracy import Grid, Map, RegionAccuracy, TcpAccuracy
+from ...analysis.diagnostics.accuracy import Grid, Map, RegionAccuracy
 from ...analysis.diagnostics.values_to_enter import TcpError
 from ...analysis.observability.outlook import NextPosture
 from ...words import numbers
@@ -34,7 +34,7 @@ def workspace_section(result: Result) -> Section:
     workspace, near = accuracy.workspace, accuracy.near_shots
     if workspace is None or near is None:
         why = sentence(accuracy_reason(accuracy, person) or "")
-        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
+        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(result)}"))
     return section_of(
         TITLE,
         Paragraph(_summary(result, workspace) if _expected(result) is None else enter_sentence(result) or ""),
@@ -42,7 +42,7 @@ def workspace_section(result: Result) -> Section:
         _table(result, workspace, near),
         *map(Paragraph, filter(None, [floor_sentence(result)])),
         _next_table(result),
-        Paragraph(f"{_where(accuracy)} {_postures(result, workspace, near)}"),
+        Paragraph(f"{_where(result)} {_postures(result, workspace, near)}"),
     )
 
 
@@ -77,12 +77,15 @@ def _doubts(result: Result) -> list[str]:
     return sentences
 
 
-def _where(accuracy: TcpAccuracy) -> str:
+def _where(result: Result) -> str:
+    accuracy, kinds = result.accuracy, result.inputs.instruments
+    first = next(iter(kinds.items()), None) if len(kinds) > 1 else None
+    tool = "the tool" if first is None else f"{clipped(first[0])} ({first[1].name}), the first instrument"
     at = numbers.with_unit(", ".join(numbers.exact(round(v, 6)) for v in accuracy.point_mm), "mm")
     return (
-        f"The TCP is {sentence(tcp_words(accuracy, person))} ({at} in the flange frame), in the base frame"
-        " that the encoder of joint 1 defines: δ1, and the height of the base along axis 1, are a choice of"
-        " frame and do not enter."
+        f"The TCP is {sentence(tcp_words(accuracy, person, tool))} ({at} in the flange frame), in the base"
+        " frame that the encoder of joint 1 defines: δ1, and the height of the base along axis 1, are a"
+        " choice of frame and do not enter."
     )
 
 
@@ -362,7 +365,7 @@ def _legend(figure: Figure, edges: list[float], whole: float, *, next_postures: 
     figure.legend(
         handles=patches,
         ncols=classes,
-        title="error of the TCP that 95 % stay below, mm",
+        title="95 % below, mm",
         title_fontsize=9.5,
         bbox_to_anchor=(left, 1.0),
         **options,
@@ -381,12 +384,7 @@ def _legend(figure: Figure, edges: list[float], whole: float, *, next_postures: 
 
 
 def _title(result: Result) -> str:
-    text = (
-        f"TCP error that 95 % stay below, values entered, {region_words(result.region)}. Rings: measurements"
-    )
-    if not _proposed(result):
-        return f"{text}."
-    return f"{text}; diamonds: best next ones."
+    return f"TCP error that 95 % stay below, values entered, {region_words(result.region)}."
 
 
 def _alt(result: Result) -> str:

@@ -23,7 +23,7 @@ from ...experiments.studies.sweeps.grid_answer import (
 )
 from ...experiments.studies.sweeps.study_file import overlap
 from ...words import numbers
-from ...words.wording import clipped, label
+from ...words.wording import WEAK, clipped, label
 from ..style.canvas import WIDTH, Picture, new_figure, plain, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
@@ -50,7 +50,7 @@ UNCERTAINTY = "standard uncertainty"
 # Dot (a role of the palette) and words of a case's verdict.
 STANDING: dict[Verdict | None, tuple[str, str]] = {
     "pass": ("identified", "pass"),
-    "weak": ("weak", "weak"),
+    "weak": ("weak", WEAK),
     "degenerate": ("unidentifiable", "degenerate"),
     None: ("held", NO_PLAN),
 }
@@ -520,7 +520,7 @@ def _map_entries(study: GridStudy, stds: Sequence[float]) -> Entries:
     entries: list[tuple[Look | Stretch | str, str]] = [
         (Stretch(0, 1, _shade(std, stds)), numbers.spread(std, "deg")) for std in some
     ]
-    entries += [(Look(role="weak", shape=SHAPES["weak"], stroke=""), "weak")] if "weak" in present else []
+    entries += [(Look(role="weak", shape=SHAPES["weak"], stroke=""), WEAK)] if "weak" in present else []
     return [*entries, *((words, words) for mark, words in _GAPS.items() if mark in present)]
 
 
@@ -554,7 +554,7 @@ def _ratio_picture(study: GridStudy) -> Picture | None:
     curves, texts, cut, every = [], [], False, [0.5, 2.0]
     kinds: tuple[tuple[Fit, Status | None, str, Look], ...] = (
         ("likelihood", "identified", "likelihood, identified", Look(role="ink", stroke="", size=3)),
-        ("likelihood", "weak", "likelihood, weak", Look(role="weak", shape="D", stroke="", size=3)),
+        ("likelihood", "weak", f"likelihood, {WEAK}", Look(role="weak", shape="D", stroke="", size=3)),
         ("midpoint", None, "midpoint", replace(FITS["midpoint"], stroke="", size=3)),
     )
     for fit, status, words, look in kinds:

@@ -67,9 +67,10 @@ class Table:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Text, in which a percent sign does not part from its number."""
+    """Text, in which a percent sign does not part from its number; `screen_only`: paper has it not."""
 
     text: str
+    screen_only: bool = False
     kind: ClassVar[str] = "text"
 
     def __post_init__(self) -> None:

@@ -91,7 +91,7 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
     assert said.verdict.startswith("Pass. J2 to J5 are identified, U ≤ ")
     assert said.cause == ("This holds if nothing changed, readings are right and geometry is as stated.")
     assert said.cautions[0].startswith("To determine J6: measure the laser's mounting and state tool.sigma")
-    assert any("Repeat the first postures (plan --repeat)" in text for text in said.cautions[1:4])
+    assert any("Repeat the first postures: " in text for text in said.cautions[1:4])
     assert said.grade == "pass"
     assert said.verdict.count("k\u00a0=\u00a02") == 1
     assert said.worst is not None

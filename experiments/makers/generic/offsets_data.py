@@ -27,6 +27,7 @@ def _row(offset: JointOffset, calibration: RobotCalibration) -> dict[str, object
         "exported": "yes" if offset.exported else "no",
         "applied": offset.applied,
         "applied_u": offset.applied_u,
+        "applied_status": offset.applied_status,
         "estimate": offset.row.estimate,
         "std": offset.row.std,
         "low95": low,

@@ -104,6 +104,10 @@ def test_each_number_of_an_export_has_its_own_uncertainty() -> None:
     assert fifth.applied_u > 5 * fifth.row.std
     assert f"to enter: {fifth.applied:+.6f} deg, u {fifth.applied_u:.2g} deg" in fifth.sentence
     assert f"deg, u {fifth.row.std:.2g} deg, identified" in fifth.sentence
+    # Its own u says how well it is known, whatever the offset is.
+    assert (fifth.status, fifth.applied_status) == ("identified", "weak")
+    assert fifth.sentence.endswith("deg, WEAK: weakly observable")
+    assert any("delta5 is only weakly observable" in text for text in made.warnings)
 
 
 # Every instrument

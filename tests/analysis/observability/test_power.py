@@ -131,11 +131,10 @@ def test_the_sentences() -> None:
     )
     noticed, hidden = power_sentences(told)
     assert noticed == (
-        "A run of this plan detects a jump of the zero of J2 by 0.2° with a probability of 80 % or more."
+        "A run of this plan detects a 0.2° jump of J2’s zero with a probability of 80 % or more."
     )
     assert hidden == (
-        "Measure its mounting, and state it: a tool 5\N{NO-BREAK SPACE}mm off can hide (0.18°, TCP"
-        " 2.5\N{NO-BREAK SPACE}mm)."
+        "Measure the mounting: a tool 5\N{NO-BREAK SPACE}mm off can hide: 0.18°, TCP 2.5\N{NO-BREAK SPACE}mm."
     )
     assert power_sentences(told[:1]) == [noticed]
 
@@ -146,27 +145,25 @@ def test_three_cautions_at_most_the_most_harmful_first() -> None:
     )  # fmt: skip
     rows = [DetectionPower(wrong, 0.2, "deg", 0.1, 5.0, 4, 0.5, 0.4, 0.3, 0.1, mm, 4) for wrong, mm in harms]
     texts = remaining(rows)
-    assert [text.rpartition(": ")[2].partition(" can hide")[0] for text in texts] == [
+    assert [text.partition(": ")[2].partition(" can hide")[0] for text in texts] == [
         "one reading 0.3° off",
-        "a drift of the zero of J4 by 0.3°",  # of what changes during a run the most harmful
-        "a noise 0.3° the stated noise",
+        "a 0.3° drift of J4’s zero",  # of what changes during a run the most harmful
+        "noise 0.3° the stated",
     ]
-    assert texts[1].startswith("Repeat the first postures (plan --repeat): ")
+    assert texts[1].startswith("Repeat the first postures: ")
     # Said is what can still be repeated.
     for again, reading, changed in (
-        (0.3, "Repeat all postures (plan --repeat)", "Repeat more postures (plan --repeat)"),
+        (0.3, "Repeat all postures", "Repeat more postures"),
         (1.0, "Compare with a second run", "Compare with a second run"),
     ):
         texts = remaining([replace(row, again=again) for row in rows])
         assert reading in texts[0]
         assert changed in texts[1]
-        assert ("--repeat" in "".join(texts)) == (again < 1)
+        assert ("Repeat" in "".join(texts)) == (again < 1)
     texts = remaining(rows)
     noise = DetectionPower("noise", 3.0, "1", 0.1, 5.0, None, 0.5, 4.0, 4.0, 0.1, 0.5)
     (text,) = remaining([noise])
-    assert text.startswith(
-        "State the noise, or have it estimated (noise: {scale: estimated}): a noise 4\N{NO-BREAK SPACE}times"
-    )
+    assert text.startswith("Estimate the noise: noise 4\N{NO-BREAK SPACE}times the stated")
     assert remaining([replace(row, risk=0.01) for row in rows]) == []
     # Where the TCP is not determined the errors of the offsets rank them.
     degrees = [replace(row, hidden_tcp_mm=None, hidden_offset=row.hidden_tcp_mm) for row in rows]
@@ -270,10 +267,10 @@ def test_what_a_pass_is_subject_to() -> None:
     assert condition((jump, harmless, sure, beam)) == ("nothing changed and geometry is as stated")
     assert condition((harmless, sure)) is None
     assert no_plan_sentence((jump, harmless)) == (
-        "No plan with this tool and target detects a jump of the zero of J5 by 0.2°."
+        "No plan with this tool and target detects a 0.2° jump of J5’s zero."
     )
     assert no_plan_sentence((harmless,)) is no_plan_sentence(()) is None
-    assert power_limit((jump,)).startswith("the power: a run may not detect a jump of the zero of J5 by 0.2°")
+    assert power_limit((jump,)).startswith("the power: a run may not detect a 0.2° jump of J5’s zero")
 
 
 @pytest.mark.parametrize("count", [6, 7, 8])

@@ -104,7 +104,7 @@ def test_the_head_has_date_and_serial_number() -> None:
 
 def test_details_are_folded_below_what_matters() -> None:
     text = page_of("good")
-    assert "Leave out geometry: exact to estimate it." in text
+    assert "Leave out geometry: exact to estimate the links" in text
     assert "`" not in Page(text).words  # keys stand in them in the sentences
     first = text.index('<details class="fold">')
     assert text.index(">trusted</th>") < text.index("Accuracy of the TCP</bdi></h2>") < first

@@ -203,7 +203,7 @@ def test_the_end_of_a_run_says_what_u_is_worth_unless_it_is_a_misfit() -> None:
     assert isinstance(ended, Ended)
     print_page(to, ended_page(replace(ended, geometry=good().geometry)))
     said = " ".join(text.getvalue().split())
-    assert "Leave out geometry: exact to estimate it." in said
+    assert "Leave out geometry: exact to estimate the links" in said
     to, text = console()
     print_page(to, ended_page(replace(ended, geometry=good().geometry, verdict="misfit")))
     assert "Leave out geometry" not in text.getvalue()

@@ -38,7 +38,7 @@ def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
     for row in texts_of(offsets_table(good()))[2:]:  # without the head and δ1
         u, considered = (float(row[k].rstrip("°")) for k in (2, 4))
         assert considered > u > 0
-    assert any("Leave out geometry: exact to estimate it." in text for text in message(good()).cautions)
+    assert any("Leave out geometry: exact to estimate the links" in text for text in message(good()).cautions)
 
 
 def test_an_unidentifiable_offset_has_no_worth_either() -> None:

@@ -26,8 +26,8 @@ from zerobeam.experiments.makers.calibration import RobotCalibration, calibratio
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 
 COLUMNS = (
-    "offset joint kind unit status exported applied applied_u estimate std low95 high95 reason run run_sha256"
-    " robot zerobeam notes"
+    "offset joint kind unit status exported applied applied_u applied_status estimate std low95 high95 reason"
+    " run run_sha256 robot zerobeam notes"
 )
 
 
