@@ -31,7 +31,7 @@ def offsets_sentence(
     U ≤ 0.17° (k = 2); J6 assumed.` Their table says why. The status `after` which it follows is not said
     again."""
     by_status = {status: [row for row in rows if row.status == status] for status in _ORDER}
-    parts = []
+    parts: list[str] = []
     for status, of_status in by_status.items():
         if not of_status:
             continue

@@ -142,9 +142,14 @@ def _panel(axes: Axes, arrows: Sequence[_Arrow], drawn: Sequence[_Drawn], times:
         axes.plot(*(at + length * times), linewidth=0)  # so that the tips are within the axes
     if len(arrows) <= _MOST_NUMBERED:
         for one, each in zip(arrows, drawn, strict=True):
-            tip = each.at + each.length * times
+            tip = (each.at + each.length * times).tolist()
             axes.annotate(
-                str(one.shot), tip, (2, 2), textcoords="offset points", fontsize=7.0, color=light("muted")
+                str(one.shot),
+                (tip[0], tip[1]),
+                (2, 2),
+                textcoords="offset points",
+                fontsize=7.0,
+                color=light("muted"),
             )
 
 
