@@ -164,21 +164,21 @@ class RunCase:
             return None
         (target,) = names
         row = targets.get(target)
-        place = self._place(target, row if isinstance(row, dict) else {})
-        if target not in {kind.target for kind in KINDS.values()} or place is None:
+        at_mm = self._coordinates(target, row if isinstance(row, dict) else {})
+        if target not in {kind.target for kind in KINDS.values()} or at_mm is None:
             return None
-        coordinates = ",".join(f"{float(value):g}" for value in place)
+        coordinates = ",".join(f"{float(value):g}" for value in at_mm)
         return f"{command} --target={coordinates}"
 
-    def _place(self, target: str, row: Mapping[str, object]) -> Sequence[float] | None:
+    def _coordinates(self, target: str, row: Mapping[str, object]) -> Sequence[float] | None:
         """About where a target is, mm: as its `row` in the header states, or as the measurements have it,
         near enough to be aimed at. None where neither says so."""
         guess = row.get("guess_mm")
         if isinstance(guess, list | tuple):
             return guess
-        found = [each for each in self.parameters if each.group == "target" and each.name[:-2] == target]
-        near = self.sound and all(each.std is not None and self.k * each.std <= _NEAR_MM for each in found)
-        return [round(each.estimate or 0.0) for each in found] if found and near else None
+        rows = [each for each in self.parameters if each.group == "target" and each.name[:-2] == target]
+        near = self.sound and all(each.std is not None and self.k * each.std <= _NEAR_MM for each in rows)
+        return [round(each.estimate or 0.0) for each in rows] if rows and near else None
 
 
 def run_argument(name: str) -> str:

@@ -75,9 +75,9 @@ class _Row(_Offset, Protocol):
 
 def tolerances_of(header: Mapping[str, object]) -> dict[str, float]:
     """Up to which u an offset counts as identified, by unit, of a header's plain values."""
-    stated = header.get("tolerance")
+    tolerance = header.get("tolerance")
     keys = {"deg": "offset_deg", "mm": "length_mm"}
-    of_unit = {unit: stated.get(key) for unit, key in keys.items()} if isinstance(stated, dict) else {}
+    of_unit = {unit: tolerance.get(key) for unit, key in keys.items()} if isinstance(tolerance, dict) else {}
     return {unit: float(value) for unit, value in of_unit.items() if isinstance(value, int | float)}
 
 

@@ -121,11 +121,11 @@ def _residual_vectors(problem: Problem, x: Matrix, rows: Index) -> Iterator[Poin
     residual, jacobian = problem.linearise(x, rows=rows)
     for k, i in enumerate(rows.tolist()):
         name, read = problem.targets[problem.target_index[i]], problem.length_components[i]
-        place = problem.parameters.place_of(name)
-        if (place < 0).any():
+        coordinates = problem.parameters.place_of(name)
+        if (coordinates < 0).any():
             yield None
             continue
-        (columns,) = np.nonzero(np.isin(problem.columns[i], place))
+        (columns,) = np.nonzero(np.isin(problem.columns[i], coordinates))
         moved = np.linalg.lstsq(jacobian[k][read][:, columns], -residual[k, read], rcond=1e-6)[0]
         # Where a station moves, what it measures has moved the other way.
         yield _point(-moved if problem.is_station(name) else moved)

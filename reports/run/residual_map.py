@@ -36,7 +36,7 @@ class _Arrow(NamedTuple):
     beyond: bool
 
 
-class _Drawn(NamedTuple):
+class _PanelArrow(NamedTuple):
     """An arrow in a panel: its beginning (2,) and its length (2,), mm."""
 
     at: Matrix
@@ -52,14 +52,14 @@ def residual_map_picture(result: Result) -> Picture | None:
     factor = _factor(arrows)
     radial = [one.at[:2] / max(math.hypot(*one.at[:2]), 1e-9) for one in arrows]
     side = [
-        _Drawn(np.array([out @ one.at[:2], one.at[2]]), np.array([out @ one.vector[:2], one.vector[2]]))
+        _PanelArrow(np.array([out @ one.at[:2], one.at[2]]), np.array([out @ one.vector[:2], one.vector[2]]))
         for one, out in zip(arrows, radial, strict=True)
     ]
     panels = [
         ("from the side", "distance from axis 1, mm", "height, mm", side, factor),
-        ("from above", "x, mm", "y, mm", [_Drawn(one.at[:2], one.vector[:2]) for one in arrows], factor),
+        ("from above", "x, mm", "y, mm", [_PanelArrow(one.at[:2], one.vector[:2]) for one in arrows], factor),
     ]
-    across = [_Drawn(np.zeros(2), one.across) for one in arrows if one.across is not None]
+    across = [_PanelArrow(np.zeros(2), one.across) for one in arrows if one.across is not None]
     if len(across) == len(arrows):
         panels.append(("on the target", "to the right, mm", "up, mm", across, 1.0))
     with style():
@@ -113,12 +113,12 @@ def _factor(arrows: Sequence[_Arrow]) -> float:
     places = np.array([one.at for one in arrows])
     extent = max(float(np.ptp(places, axis=0).max()), 100.0)
     longest = max(float(np.linalg.norm(one.vector)) for one in arrows)
-    wanted = _LONGEST * extent / max(longest, 1e-9)
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return max(times * power for times in (1, 2, 5) if times * power <= wanted)
+    most = _LONGEST * extent / max(longest, 1e-9)
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(times * power for times in (1, 2, 5) if times * power <= most)
 
 
-def _panel(axes: Axes, arrows: Sequence[_Arrow], drawn: Sequence[_Drawn], times: float) -> None:
+def _panel(axes: Axes, arrows: Sequence[_Arrow], drawn: Sequence[_PanelArrow], times: float) -> None:
     """The arrows, numbered where they are few, and one that says how long a round number of mm is."""
     for beyond, role in zip((False, True), _MARKS, strict=True):
         chosen = [each for one, each in zip(arrows, drawn, strict=True) if one.beyond == beyond]
