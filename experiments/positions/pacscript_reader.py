@@ -91,20 +91,19 @@ class PacProgram(Script):
         spans = numbers_in(literal["numbers"], pos + literal.start("numbers"))
         if (literal["kind"] or "").upper() == "T" or (not joints and len(spans) > 7):
             return self.reading.refuse(self.file, pos, f"{label}: this position is not understood")
-        figure = () if joints else spans[6:7]
-        spans = spans if joints else spans[:6]
+        spans, figure = (spans, []) if joints else (spans[:6], spans[6:])
         return self.reading.six(self.file, pos, key, label, spans, figure, joints=joints, register=register)
 
     def arguments(self, text: str, move: re.Match[str]) -> Arguments:
         """Without path options (@P) and those of motion."""
-        rest: Arguments = []
-        for at, part in split_arguments(text[move.end() :]):
-            start = at + len(part) - len(part.lstrip())
-            skip = re.match(r"@[ \t]*\w+[ \t]*", part.strip())
-            left = part.strip()[skip.end() if skip else 0 :]
-            if left and not _OPTION.fullmatch(left):
-                rest.append((move.end() + start + (skip.end() if skip else 0), left))
-        return rest
+        parts = [
+            (at, re.match(r"\s*(?:@[ \t]*\w+[ \t]*)?", part), part)
+            for at, part in split_arguments(text[move.end() :])
+        ]
+        rest = [
+            (move.end() + at + skip.end(), part[skip.end() :].strip()) for at, skip, part in parts if skip
+        ]
+        return [(at, part) for at, part in rest if part and not _OPTION.fullmatch(part)]
 
     def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
         kind = move["kind"].lower()
@@ -115,30 +114,18 @@ class PacProgram(Script):
 
     def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
         kind, text = move["kind"].lower(), " ".join(part for _, part in arguments)
+        axes: What
         names = [name for at, goal in self.goals_of(move, arguments) for name in self.goal(at, goal)]
-        if kind in ("approach", "depart"):
+        if kind in ("approach", "depart", "draw"):
             by = arguments[-1][1] if arguments else ""
-            away = [0.0, 0.0, -float(by)] if re.fullmatch(NUMBER, by) else None
-            self.reading.doubt(
-                self.file,
-                pos,
-                "relative",
-                f"{move['kind']} {text}",
-                names[0] if names else None,
-                away,
-                "tool",
-            )
-        elif kind == "draw":
-            self.step(
-                pos, f"Draw {text}", re.sub(r"^V", "", arguments[-1][1] if arguments else ""), (), "frame"
-            )
+            by, axes = (by.lstrip("Vv"), "frame") if kind == "draw" else (f"(0, 0, -{by})", "tool")
+            self.step(pos, f"{move['kind']} {text}", by, names, axes)
         elif kind == "rotate" or not (names or kind == "move"):
             self.reading.doubt(self.file, pos, "relative", f"{move['kind']} is a step from where the arm is")
         elif not names:
             self.reading.computed(self.file, pos, f"Move {text}")
-        return self.reading.moves(
-            self.file, pos, names, self.active.at("tool", pos), self.active.at("frame", pos)
-        )
+        tool, frame = self.active.at("tool", pos), self.active.at("frame", pos)
+        return self.reading.moves(self.file, pos, names, tool, frame)
 
     def goal(self, pos: int, text: str) -> list[str]:
         if (dev := _DEV.fullmatch(text)) is not None:
