@@ -293,6 +293,7 @@ def test_every_key_of_a_file_is_documented(name: str) -> None:
     page = {
         "compare": "docs/compare.md",
         "offsets": "docs/export.md",
+        "positions": "docs/how-to/after-mastering.md",
         **dict.fromkeys(plant, "docs/how-to/plant.md"),
     }.get(name, "docs/files.md")
     missing = set(properties(json_schema(name))) - words_in_code(TEXTS[page] + FILES)
