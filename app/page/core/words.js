@@ -18,11 +18,11 @@ export function sentence(text) {
 }
 
 /** The words of verdicts and the shapes of statuses, as in the reports. @type {Record<string, string>} */
-export const WORDS = { pass: "Pass", weak: "Weak", degenerate: "Degenerate", misfit: "Misfit", violated: "Constraints violated" };
+export const WORDS = { pass: "Pass", weak: "Weakly observable", degenerate: "Degenerate", misfit: "Misfit", violated: "Constraints violated" };
 /** @type {Record<string, string>} */
 export const SHAPES = { identified: "●", weak: "◆", assumed: "○", unidentifiable: "✕", held: "■", unvalidated: "▲" };
 /** @param {string} status */
-export const marked = (status) => `${SHAPES[status] ?? ""} ${status}`;
+export const marked = (status) => `${SHAPES[status] ?? ""} ${status === "weak" ? "weakly observable" : status}`;
 
 const tidy = (/** @type {string} */ text) => text.replace("-", "−");
 const digitsOf = (/** @type {number} */ std) => Math.max(0, Math.min(12, 1 - Math.floor(Math.log10(Math.abs(std) || 1))));
