@@ -63,7 +63,6 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
         "Uncertainty budget",
         "Posterior",
         "Inputs",
-        "Traceability",
     ]
     assert f"page 1 of {len(reader.pages)}" in text_of_example("good")
     assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
