@@ -19,7 +19,7 @@ from .program_backup import Backup, reading_of
 
 POSITIONS_SCHEMA: Final = "zerobeam/positions/1"
 _STEP = 100.0  # mm
-_STRETCH, _LEAP = 5.0, 60.0  # mm of a relative move in which no joint turns by so many degrees (mm)
+_STRETCH, _LEAP = 2.0, 60.0  # mm of a relative move in which no joint turns by so many degrees (mm)
 _EXACT_MM, _EXACT_RAD = 1e-5, 1e-7  # of inverse kinematics
 _UNITS = 3.0  # of the last digit: what reading back and inverting may be off, beside a near singularity
 
