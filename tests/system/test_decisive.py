@@ -106,8 +106,11 @@ def shown_as(name: str) -> set[str]:
 
 
 def claims_in_rows(rows: list[list[str]], untold: Untold) -> Iterator[str]:
-    """Rows of tables: behind the name of an untold parameter stands no number below its prior std."""
-    for row in rows:
+    """Rows of tables: behind the name of an untold parameter stands no number below its prior std. The names
+    of other joints, in a head, are none."""
+    for row in (
+        [cell for k, cell in enumerate(row) if not (k and re.fullmatch(r"J\d+", cell))] for row in rows
+    ):
         for name, prior in untold.items():
             if row and row[0] in shown_as(name):
                 for number in numbers_of(" ".join(row[1:])):

@@ -62,7 +62,7 @@ def test_x_pattern_with_the_psd_straight_ahead() -> None:
     ]
     assert direction_remedy(null) == (
         "vary joint 1 by 90° (rotated by −45°, 45° and 0° in turn, and aimed anew); predicted U: delta2 not"
-        " determined → 0.27° (still weak); then plan more measurements"
+        " determined → 0.27° (still weakly observable); then plan more measurements"
     )
     # The others are told, if poorly.
     for name in ("delta3", "delta4", "delta5", "delta6"):
