@@ -44,7 +44,6 @@ SHORT = {
     ("analyse",): ("--ess", "100"),
     ("report",): ("--ess", "100"),
     ("plan", "optimal"): ("--candidates", "300"),
-    ("run",): ("--no-camera",),
 }
 SLOW = {
     f"docs/{name}.md"
