@@ -1,5 +1,5 @@
 // The address says what is open: #/, #/new, #/import, #/job/NAME/STEP, #/job/NAME/STEP/FILE.
-import { computed, signal } from "@preact/signals";
+import { signal } from "@preact/signals";
 
 /** @typedef {"cell" | "plan" | "measure" | "result"} Step */
 /** @typedef {{view: "home" | "new" | "import" | "job", name: string, step: Step, file: string}} Route */
@@ -54,12 +54,6 @@ export function goOn(from, hash) {
 
 /** The calibration that a file is of: its folder. @param {string} file */
 export const calibrationOf = (file) => (file.includes("/") ? file.slice(0, file.lastIndexOf("/")) : ".");
-
-/** The file that the address names; "" where it is of another calibration than that: nothing is shown under another's name. */
-export const addressed = computed(() => {
-  const { file, name } = route.value, folder = calibrationOf(file), report = /(^|\/)result\.json$/.test(file) && calibrationOf(folder) === name;
-  return folder === name || report ? file : "";
-});
 
 /** Begins to follow the address. */
 export function follow() {

@@ -30,6 +30,13 @@ export const notice = signal("");
 /** The calibration that is open; null where there is none of this name. */
 export const calibration = computed(() => home.value?.calibrations.find((one) => one.name === route.value.name) ?? null);
 
+/** The file that the address names; "" where that is in the folder of another calibration: nothing is shown under another's name. */
+export const addressed = computed(() => {
+  const { file, name } = route.value, names = [name, ...(home.value?.calibrations ?? []).map((one) => one.name)];
+  const owners = names.filter((one) => one === "." || file.startsWith(`${one}/`)).sort((a, b) => b.length - a.length); // the innermost folder
+  return (owners[0] ?? ".") === name ? file : "";
+});
+
 /** @param {unknown} error */
 export function failed(error) {
   if (!(error instanceof Refused)) throw error;

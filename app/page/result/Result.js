@@ -1,8 +1,8 @@
 // The step Result: what a run determined, what it does to the TCP, and what to do with it.
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
-import { addressed, go, route, toJob } from "../core/route.js";
-import { attempt, calibration, files } from "../core/store.js";
+import { go, route, toJob } from "../core/route.js";
+import { addressed, attempt, calibration, files } from "../core/store.js";
 import { named, sentence, WORDS } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
