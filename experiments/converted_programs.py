@@ -50,7 +50,7 @@ def kept_programs(
 ) -> Conversion:
     """The backup for an arm whose zeros were entered: its positions keep their places."""
     stated_ways = [
-        zeros.entered is not None,
+        bool(zeros.entered),
         zeros.run is not None,
         zeros.old_mastering is not None or zeros.new_mastering is not None,
     ]
@@ -66,8 +66,8 @@ def kept_programs(
         judged = calibration(run)
         entered = np.array([one.applied if one.exported else 0.0 for one in judged.offsets])
         source = f"the values to enter of {run.path.name}"
-    elif zeros.entered is not None:
-        entered, source = typed_zeros(zeros.entered, robot), "--entered"
+    elif zeros.entered:
+        entered, source = typed_zeros(",".join(zeros.entered), robot), "--entered"
     else:
         entered, notes = _mastered(zeros, robot)
         source = "mastering before and after"
@@ -247,6 +247,14 @@ def _converted(
         None if choices.base is None else _pose(choices.base, "--base", language)[1],
     )
     notes = [*about.notes, *(note for note in (vendor, pendant.counting) if note)]
+    if pendant.ground and about.entered:
+        values = np.zeros(robot.n)
+        for one in about.entered:
+            values[int(one.joint[1:]) - 1] = one.value
+        more = float(pendant.counted(values)[2])
+        notes.append(
+            f"The pendant counts joint 3 from the ground: at the same place it shows J3 {more:+.4f}."
+        )
     if frames.base is None and backup.reading.base is None:
         notes.append(_ROBROOT)
     if judged is not None:

@@ -215,7 +215,7 @@ def with_fanuc_backup(content: Mapping[str, object], folder: Path | None) -> Map
 
 def write_robot(path: Path, content: Mapping[str, object], head: str = "") -> None:
     """The robot file, below the remarks of its `head`; never over another one."""
-    refuse_existing(path, or_else="choose another name, or remove it first")
+    refuse_existing(path, or_else="remove it first")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise BadInput("a robot file has another name", found=path.name, allowed="a name that ends in .yaml")
     in_lines = {

@@ -42,5 +42,6 @@ def require_zeros(entered: Matrix) -> Matrix:
             "these are no changes of zeros",
             found=f"{np.abs(entered).max():g} deg (mm)",
             allowed=f"up to {MOST_DEG:g} deg (mm): after more, the arm has to be taught again",
+            remedy="state by how much more each joint reads at the same place, in degrees (mm)",
         )
     return entered

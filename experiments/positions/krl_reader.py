@@ -40,6 +40,7 @@ def read_krl(reading: BackupReading) -> None:
         frames |= {
             f"{_scope(file)}:{fdat[1]}".lower(): (fdat[2], fdat[3]) for fdat in _FDAT.finditer(file.bare)
         }
+        reading.whole(file, r"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b", r"^[ \t]*END(?:FCT)?\b")
         for literal in _LITERAL.finditer(file.bare):
             _literal(file, literal, reading)
         for unclosed in _UNCLOSED.finditer(file.bare):

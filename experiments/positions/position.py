@@ -233,6 +233,14 @@ class BackupReading:
         """A position that is not understood, of this label; None: one that nobody looks for by itself."""
         self.refused.append(RefusedLine(file, file.line(pos), sentence, label))
 
+    def whole(self, file: SourceFile, begins: str, ends: str) -> None:
+        """Refuse a file in which more begins than ends, by patterns: it was cut off."""
+        opened, closed = (
+            len(re.findall(pattern, file.bare, re.IGNORECASE | re.MULTILINE)) for pattern in (begins, ends)
+        )
+        if closed < opened:
+            self.unread(file, len(file.bare), "the file is not whole: what began in it has no end")
+
     def computed(self, file: SourceFile, pos: int, text: str) -> None:
         """A goal that is known when the program runs."""
         self.doubt(file, pos, "computed", f"{text[:40]} is computed when the program runs")

@@ -65,13 +65,13 @@ class ZeroOptions:
         str | None, Option("The arm: a built-in name or a robot file; with --run that of the run.", app=False)
     ] = None
     entered: Annotated[
-        str | None,
+        Sequence[str],
         Option(
             "What was entered, J2=-0.265,J3=0.112 in degrees (mm): by so much more the joint reads at the"
-            " same place; joint 3 between links 2 and 3.",
+            " same place; joint 3 between links 2 and 3. Repeatable.",
             metavar="ZEROS",
         ),
-    ] = None
+    ] = ()
     run: Annotated[Path | None, Option("Run whose values were entered.", metavar="RUN")] = None
     old_mastering: Annotated[
         Path | None,

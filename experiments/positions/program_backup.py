@@ -141,17 +141,27 @@ def _together(name: str, chosen: str) -> bool:
 
 
 def _language_of(path: Path, content: dict[str, bytes], vendor: str | None) -> PositionLanguage:
-    counts = {
-        language.name: sum(
-            _ending(name) in language.endings
+    of_file = {
+        name: [
+            language
+            for language in LANGUAGES
+            if _ending(name) in language.endings
             and re.search(language.mark, each.decode("latin-1"), re.MULTILINE | re.IGNORECASE) is not None
-            for name, each in content.items()
-        )
-        for language in LANGUAGES
+        ]
+        for name, each in content.items()
     }
-    several = [language for language in LANGUAGES if counts[language.name]]
+    several = [language for language in LANGUAGES if any(language in some for some in of_file.values())]
     fitting = [language for language in several if language.vendor == vendor] or several
     if len(fitting) == 1:
+        for name, some in of_file.items():
+            if some and fitting[0] not in some:
+                raise BadInput(
+                    "the backup has files of another language, which would stay as they are",
+                    found=f"{name}: {some[0].name}",
+                    allowed=f"files of one controller: {fitting[0].name}",
+                    remedy="move the others elsewhere, and convert them as a backup of their own",
+                    file=path,
+                )
         return fitting[0]
     about = ", ".join(f"{language.name} ({' '.join(language.endings)})" for language in LANGUAGES)
     raise BadInput(

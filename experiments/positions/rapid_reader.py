@@ -41,6 +41,7 @@ def read_rapid(reading: BackupReading) -> None:
     """All modules of a task: data first, then statements."""
     kinds: dict[str, str] = {}  # of what is declared, by its name in small letters
     for file in reading.files:
+        reading.whole(file, r"^[ \t]*MODULE\b", r"\bENDMODULE\b")
         for data in _DATA.finditer(file.bare):
             _declared(file, data, reading, kinds)
     for file in reading.files:

@@ -19,6 +19,7 @@ _MM = 1000.0
 def read_urscript(reading: BackupReading) -> None:
     """Each script has variables of its own."""
     for file in reading.files:
+        reading.whole(file, r"^[ \t]*(?:def|sec|thread|if|while)\b[^\n]*:", r"(?<![\w.])end(?!\w)")
         program = UrProgram(file, reading)
         program.prepare()
         program.run()

@@ -205,7 +205,7 @@ def _axes(scene: Scene3D, flat: _Flat) -> Markup:
 
 def write_arm_page(path: Path, robot: Robot, postures: Sequence[Matrix]) -> None:
     """The page with the arm in `postures`, (n,) rad or mm each, as one HTML file; never over another file."""
-    refuse_existing(path, or_else="choose another name, or remove it first")
+    refuse_existing(path, or_else="remove it first")
     write_whole(path, arm_page(robot, postures))
 
 

@@ -1322,7 +1322,7 @@ def written(backup: MadeBackup, folder: Path) -> Path:
 
 def kept(path: Path, robot: str, entered: Matrix = ENTERED, **choices: object) -> Conversion:
     zeros = ",".join(f"J{i}={value}" for i, value in enumerate(entered, start=1))
-    return kept_programs(path, ZeroOptions(robot=robot, entered=zeros), BackupOptions(**choices))  # type: ignore[arg-type]
+    return kept_programs(path, ZeroOptions(robot=robot, entered=(zeros,)), BackupOptions(**choices))  # type: ignore[arg-type]
 
 
 def texts_after(backup: MadeBackup, answer: Conversion) -> dict[str, str]:

@@ -14,7 +14,7 @@ from export_runs import arm_run
 from made_backups import DIALECTS, ENTERED, MadeBackup, MadePosition, kept, texts_after, written
 from scipy.spatial.transform import Rotation
 
-from zerobeam.experiments.converted_programs import kept_programs, reached_programs
+from zerobeam.experiments.converted_programs import kept_programs, reached_programs, shown_programs
 from zerobeam.experiments.makers.calibration import calibration
 from zerobeam.experiments.makers.generic.robot_rows import robot_text
 from zerobeam.experiments.positions import arm_change, position
@@ -321,22 +321,22 @@ def test_a_corrected_arm_is_not_what_a_controller_computes_with(tmp_path: Path) 
     backup = one_file(tmp_path / "b", module(MOVE, data=robtarget(GOOD)))
     zeros = "J2=0.1"
     with pytest.raises(BadInput, match="is a corrected arm"):
-        kept_programs(backup, ZeroOptions(robot=str(corrected), entered=zeros), BackupOptions())
+        kept_programs(backup, ZeroOptions(robot=str(corrected), entered=(zeros,)), BackupOptions())
     of_corrected = tmp_path / "of_corrected.jsonl"
     write_run(of_corrected, run.header.model_copy(update={"robot": corrected.name}), run.shots)
     with pytest.raises(BadInput, match="is a corrected arm"):
         kept_programs(backup, ZeroOptions(run=of_corrected), BackupOptions())
     with pytest.raises(BadInput, match="is a corrected arm"):
         reached_programs(backup, of_corrected, BackupOptions(), ReachOptions())
-    assert kept_programs(backup, ZeroOptions(robot="irb120", entered=zeros), BackupOptions()).converted
+    assert kept_programs(backup, ZeroOptions(robot="irb120", entered=(zeros,)), BackupOptions()).converted
 
 
 def test_zeros_are_understood_or_refused(tmp_path: Path) -> None:
     folder = one_file(tmp_path, module(MOVE, data=robtarget(GOOD)))
     for text in ("J7=0.1", "J2", "J2=0.1,J2=0.2", "J2=0", "J2=9", "0.1"):
         with pytest.raises(BadInput):
-            kept_programs(folder, ZeroOptions(robot="irb120", entered=text), BackupOptions())
-    for zeros in (ZeroOptions(), ZeroOptions(entered="J2=0.1"), ZeroOptions(robot="irb120")):
+            kept_programs(folder, ZeroOptions(robot="irb120", entered=(text,)), BackupOptions())
+    for zeros in (ZeroOptions(), ZeroOptions(entered=("J2=0.1",)), ZeroOptions(robot="irb120")):
         with pytest.raises(BadInput):
             kept_programs(folder, zeros, BackupOptions())
 
@@ -356,3 +356,41 @@ def test_the_sha_of_an_audit_is_that_of_the_files(tmp_path: Path) -> None:
         assert one.sha256 == hashlib.sha256(backup.texts[one.file].encode("latin-1")).hexdigest()
         assert one.new_sha256 == hashlib.sha256(answer.content[one.file]).hexdigest()
     assert load_robot(KRL.robot).name == answer.robot
+
+
+def test_zeros_that_are_stated_apart_are_all_entered(tmp_path: Path) -> None:
+    """And the pendant's own count of joint 3 is said, where it goes with joint 2."""
+    folder = written(TP.made(3), tmp_path / "tp")
+    apart, together = (
+        kept_programs(folder, ZeroOptions(robot=TP.robot, entered=entered), BackupOptions())
+        for entered in (("J2=-0.2", "J3=0.1"), ("J2=-0.2,J3=0.1",))
+    )
+    assert apart.entered == together.entered
+    assert len(apart.entered) == 2
+    assert any("at the same place it shows J3 +0.3000" in note for note in apart.notes)
+
+
+def test_a_backup_with_files_of_another_language_is_refused(tmp_path: Path) -> None:
+    """They would stay as they are beside those that were converted."""
+    folder = written(RAPID.made(3), tmp_path / "mixed")
+    written(TP.made(3), folder)
+    with pytest.raises(BadInput, match="files of another language"):
+        kept_programs(folder, ZeroOptions(robot=RAPID.robot, entered=("J2=0.1",)), BackupOptions())
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("work.mod", "MODULE work\nCONST jointtarget p1:=[[0,-20,10,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"),
+        ("work.src", "DEF work()\nPTP {A1 0,A2 -20,A3 10,A4 0,A5 30,A6 0}\n"),
+        ("work.script", "def work():\n  movej([0,-1.2,1.1,0.3,0.4,0.5])\n"),
+    ],
+)
+def test_a_file_that_was_cut_off_is_refused(name: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    (line,) = shown_programs(path).refused
+    assert "not whole" in line.sentence
+    ends = {"mod": "ENDMODULE\n", "src": "END\n", "script": "end\n"}
+    path.write_text(text + ends[name.rpartition(".")[2]])  # the control
+    assert shown_programs(path).refused == ()
