@@ -25,7 +25,7 @@ PLAN = {
         "it": {
             "kind": "tracker",
             "sigma_mm": 0.02,
-            "guess_mm": [3000, 0, 800],
+            "guess_mm": [0, 3000, 1500],
             "reflectors": {"R1": {"guess_mm": [60, 0, 60]}, "R2": {"guess_mm": [-60, 20, 60]}},
         }
     },

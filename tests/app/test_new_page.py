@@ -72,7 +72,7 @@ def test_how_the_laser_is_mounted_is_said_and_changed(tab: Tab) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("x", "why"), [("5000", "too few postures"), ("0", "No plan of up to 30")])
+@pytest.mark.parametrize(("x", "why"), [("5000", "too few postures"), ("0", "put the target elsewhere")])
 def test_why_there_is_no_plan_is_said_and_nothing_is_left(folder: Path, tab: Tab, x: str, why: str) -> None:
     at_point(tab, x, "0", "0")
     make(tab)

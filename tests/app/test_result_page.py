@@ -354,7 +354,7 @@ def test_the_history_shows_each_joint_over_time_and_makes_the_pages(folder: Path
     shutil.copytree(folder, there)
     with app(there) as server, result(server.address, "arm0") as tab:
         unfold(tab, "History of this arm, and drift")
-        wait(tab, "document.querySelectorAll('.trend canvas').length >= 5")
+        wait(tab, "document.querySelectorAll('.trend canvas').length >= 4")
         said = tab.value("document.querySelector('.trend [role=img]').getAttribute('aria-label')")
         assert "2026-01-11: " in said
         assert "±" in said
