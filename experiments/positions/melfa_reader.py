@@ -94,7 +94,7 @@ def _tool(
         numbers = [float(literal[1][slice(*span)]) for span in numbers_in(literal[1])][:6]
     elif name:
         reading.added.add(name)
-        numbers = [*next(one.values for one in reading.positions if one.name == name)]
+        numbers = [each for one in reading.positions if one.name == name for each in one.values][:6]
     if len(numbers) == 6 and ("tool", name) not in reading.frames:
         reading.frame(file, pos, "tool", name, pose_of(from_rpy, numbers))
     return name or None

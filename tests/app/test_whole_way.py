@@ -88,7 +88,7 @@ def test_the_whole_way_from_the_empty_folder_to_a_converted_program(tmp_path: Pa
     (sheet,) = (folder / NAME).glob("*fanuc*.txt")
     assert "J2" in sheet.read_text(encoding="utf-8")
     assert (folder / NAME / "WORK.LS").read_text() == text
-    (audit,) = (folder / NAME).glob("*converted*/audit.json")
+    (audit,) = (folder / NAME).glob("**/audit.json")
     entered = np.zeros(6)
     for one in json.loads(audit.read_text())["entered"]:
         entered[int(one["joint"][1:]) - 1] = one["value"]

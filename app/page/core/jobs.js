@@ -15,8 +15,8 @@ const OVER = ["done", "stopped", "failed"];
 /** @param {{state: string}} job */
 export const over = (job) => OVER.includes(job.state);
 
-/** Whether a job did what was asked: a verdict is an answer, a refused export none. @param {JobState} job */
-export const well = (job) => job.state === "done" && !(job.command[0] === "export" && job.status === 1);
+/** Whether a job did what was asked: a verdict is an answer, a refused export or conversion none. @param {JobState} job */
+export const well = (job) => job.state === "done" && !(["export", "positions"].includes(job.command[0]) && job.status === 1);
 
 /** The file or folder that a command writes, as its words name it; "" where none is named. @param {string[]} command */
 export function outOf(command) {
