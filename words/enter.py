@@ -15,7 +15,8 @@ WHY_THEY_DIFFER = (
     " also make up for links that deviate and joints that bend, as far as offsets can. The U of a value"
     " includes how well these are known: it may be larger than that of the offset."
 )
-MAKE_UP = "The values make up for links too: U is theirs, not the offsets’."  # the same, short
+U_OF_VALUES = "U is of the value here; of the offset alone in the verdict."
+ALL_OR_NONE = f"Enter all or none. {U_OF_VALUES}"  # they were fitted together
 NOT_CLAIMED = "What they gain at the TCP is not claimed: it depends on what is not determined."
 TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on what is not determined."
 TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."

@@ -12,7 +12,7 @@ from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.case import RunCase
 from ...words.controllers import taken_by
-from ...words.enter import MAKE_UP, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT
+from ...words.enter import ALL_OR_NONE, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT, U_OF_VALUES
 from ...words.message import message, offered
 from ...words.numbers import unit_of
 from ...words.region_words import region_words
@@ -63,7 +63,9 @@ def offsets_front(
     """The one table: joint, value, its U, and why it can be trusted or not; none is where something speaks
     against the values (`doubted`). `tolerances` are those of `trusted`."""
     columns = ["joint", head, f"± U ({numbers.coverage(k)})", "trusted"]
-    caption = "" if entered is None or entered.tcp_best is None else MAKE_UP
+    caption = ""
+    if entered is not None and entered.tcp_best is not None:
+        caption = ALL_OR_NONE if head == "enter" else U_OF_VALUES
     rows = [_row(row, k, tolerances, entered, doubted=doubted) for row in offsets]
     return table_of(caption, columns, rows, "lrrl")
 
