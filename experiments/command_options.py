@@ -1,5 +1,6 @@
 """What is stated to commands that need few words."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -19,6 +20,17 @@ Url = Annotated[
 ]
 SerialOrAll = Annotated[str | None, argument("Serial number of one arm (all).", metavar="[SERIAL]")]
 Model = Annotated[str | None, Option("Model of the arm, where several have this serial number.")]
+Without = Annotated[
+    Sequence[str],
+    Option("Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.", metavar="NAME"),
+]
+HoldOut = Annotated[
+    Path | None,
+    Option(
+        "Another run of the same header, which the offsets must predict (as analyse --hold-out).",
+        metavar="RUN",
+    ),
+]
 ToleranceMm = Annotated[float, Option("TCP error that is tolerated, mm.", least=1e-6, most=1e6)]
 
 

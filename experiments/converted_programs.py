@@ -238,20 +238,16 @@ def _converted(
     near = None
     if choices.near is not None:
         near = pendant.between_links(np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…")))
-    arm = ArmChange(
-        nominal, language, pendant, *changes(nominal), near, about.command == "reach", uncertainty
-    )
+    change, undo = changes(nominal)
+    arm = ArmChange(nominal, language, pendant, change, undo, near, about.command == "reach", uncertainty)
     frames = StatedFrames(
         _poses(choices.tools, choices.frames, "", language),
         _poses(choices.new_tools, choices.new_frames, "new-", language),
         None if choices.base is None else _pose(choices.base, "--base", language)[1],
     )
     notes = [*about.notes, *(note for note in (vendor, pendant.counting) if note)]
-    if pendant.ground and about.entered:
-        values = np.zeros(robot.n)
-        for one in about.entered:
-            values[int(one.joint[1:]) - 1] = one.value
-        more = float(pendant.counted(values)[2])
+    if pendant.ground and about.command == "keep":
+        more = float(pendant.counted(change(np.zeros(robot.n)))[2])
         notes.append(
             f"The pendant counts joint 3 from the ground: at the same place it shows J3 {more:+.4f}."
         )

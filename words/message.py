@@ -35,7 +35,7 @@ from .enter import (
 from .entries import VERDICT_WORDS, graded, message_by, rows_of, sentences_of, worst_of
 from .plan_catalogue import plan_headline, plan_message
 from .provenance import is_simulated
-from .trust import offsets_sentence
+from .trust import offsets_sentence, verdict_sentence
 from .wording import NOT_DETERMINED, Namer, clipped, counted, person, shown, status_words
 
 WHAT_ELSE = "What else to know"  # the cautions that page one has no room for
@@ -107,10 +107,9 @@ def _of_run(case: RunCase) -> Message:
 
 
 def _verdict(case: RunCase) -> str:
-    """The verdict's word and the offsets; a word that is theirs is said once."""
-    weak = case.verdict == "weak" and any(row.status == "weak" for row in case.offsets)
-    if weak and case.stopped is None and case.conformity is None:
-        return f"{_judged(case)}: {offsets_sentence(case.offsets, case.k, case.name, after='weak')}"
+    """The verdict's word and what can be said of the offsets."""
+    if case.sound:
+        return verdict_sentence(_judged(case), case.verdict, case.offsets, case.k, case.name)
     return f"{_judged(case)}. {_determined(case)}"
 
 

@@ -51,7 +51,7 @@ from .observability import (
 )
 from .outlook_words import BetterPostures, better_postures, plan_command
 from .plan_words import plan_sentence, violation_sentence, violation_words
-from .trust import offsets_sentence
+from .trust import verdict_sentence
 from .wording import WEAK, Namer, capital, counted, ended, listed, person, sentence
 
 
@@ -198,12 +198,9 @@ def plan_message(check: Check) -> Message:
         u = numbers.spread(COVERAGE * row.std, numbers.unit_of(row.unit))
         return f"U {u} ({numbers.coverage(COVERAGE)})"
 
-    verdict = f"{VERDICT_WORDS[check.verdict]}. {f'{_broken(check)}. ' if check.violations else ''}"
+    word = f"{VERDICT_WORDS[check.verdict]}{f'. {_broken(check)}' if check.violations else ''}"
     rows = estimated(check)
-    if check.verdict == "weak" and any(row.status == "weak" for row in rows):
-        verdict = f"{VERDICT_WORDS['weak']}: {offsets_sentence(rows, COVERAGE, after='weak')}"
-    else:
-        verdict += offsets_sentence(rows, COVERAGE)
+    verdict = verdict_sentence(word, check.verdict, rows, COVERAGE)
     known_rows = [row for row in rows if row.status != "assumed"]
     content = message_by(check, PLAN, verdict, worst_of(known_rows, COVERAGE, value))
     action = Action(ended(sentence(content.action.text)), content.action.command)

@@ -60,6 +60,13 @@ class _Offset(Protocol):
 _ORDER: tuple[Status, ...] = ("unidentifiable", "weak", "identified", "assumed")
 
 
+def verdict_sentence(word: str, verdict: str, rows: Sequence[_Offset], k: float, name: Namer = person) -> str:
+    """The `word` of a verdict and the offsets; a word that is theirs too is said once."""
+    if verdict == "weak" and any(row.status == "weak" for row in rows):
+        return f"{word}: {offsets_sentence(rows, k, name, after='weak')}"
+    return f"{word}. {offsets_sentence(rows, k, name)}"
+
+
 def _at_most(rows: Sequence[_Offset], k: float) -> str:
     """The largest expanded uncertainty of offsets, by unit."""
     largest: dict[str, float] = {}

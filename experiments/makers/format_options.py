@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from ...model.errors import BadInput
 from ...model.options import Option
+from ..command_options import HoldOut, Without
 
 FASTEST = 60.0  # deg/s
 _J3 = Literal["ground", "link"] | None
@@ -43,17 +44,8 @@ class ExportOptions:
     unvalidated: Annotated[
         bool, Option("Export in spite of a misfit (the model does not describe the run); the file says so.")
     ] = False
-    without: Annotated[
-        Sequence[str],
-        Option("Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.", metavar="NAME"),
-    ] = ()
-    hold_out: Annotated[
-        Path | None,
-        Option(
-            "Another run of the same header, which the offsets must predict (as analyse --hold-out).",
-            metavar="RUN",
-        ),
-    ] = None
+    without: Without = ()
+    hold_out: HoldOut = None
 
 
 @dataclass(frozen=True)

@@ -239,7 +239,7 @@ class BackupReading:
             len(re.findall(pattern, file.bare, re.IGNORECASE | re.MULTILINE)) for pattern in (begins, ends)
         )
         if closed < opened:
-            self.unread(file, len(file.bare), "the file is not whole: what began in it has no end")
+            self.unread(file, len(file.bare), "the file is not whole: a module, routine or block has no end")
 
     def computed(self, file: SourceFile, pos: int, text: str) -> None:
         """A goal that is known when the program runs."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ...model.options import Option
+from ..command_options import HoldOut, Without
 
 
 @dataclass(frozen=True)
@@ -105,14 +106,5 @@ class ReachOptions:
             " table names them."
         ),
     ] = False
-    without: Annotated[
-        Sequence[str],
-        Option("Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.", metavar="NAME"),
-    ] = ()
-    hold_out: Annotated[
-        Path | None,
-        Option(
-            "Another run of the same header, which the offsets must predict (as analyse --hold-out).",
-            metavar="RUN",
-        ),
-    ] = None
+    without: Without = ()
+    hold_out: HoldOut = None

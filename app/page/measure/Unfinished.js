@@ -38,5 +38,5 @@ export function Unfinished() {
   const { name } = route.value, own = unfinished.value.filter((one) => calibrationOf(one.file) === name), others = unfinished.value.filter((one) => calibrationOf(one.file) !== name);
   return html`
     ${own.length > 0 && html`<h2>Runs that have not reached their end</h2><ul class="unfinished">${own.map((one) => html`<${Item} key=${one.file} one=${one} />`)}</ul>`}
-    ${others.length > 0 && html`<p class="muted elsewhere">Not at their end in other calibrations: ${others.map((one, i) => html`${i > 0 && ", "}<a key=${one.file} href=${toJob(calibrationOf(one.file), "measure", one.file)}>${one.file}</a>`)}</p>`}`;
+    ${others.length > 0 && html`<p class="muted elsewhere">Runs of other calibrations that have not reached their end: ${others.map((one, i) => html`${i > 0 && ", "}<a key=${one.file} href=${toJob(calibrationOf(one.file), "measure", one.file)}>${one.file}</a>`)}</p>`}`;
 }
