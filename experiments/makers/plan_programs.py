@@ -1,14 +1,20 @@
-"""A plan as a program: its postures in their order, slow moves, text in ASCII, and its files."""
+"""A plan as a program: its postures in their order, slow moves, text in ASCII, and its files.
+
+The template of a language says what it has; names and numbers come in by one writer, which lets no name out
+of the line, the string or the remark that it is in.
+"""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
+from typing import Any
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
@@ -35,12 +41,18 @@ _SUPPOSED_TOP = 1000.0  # deg/s, of a joint whose speed the robot file does not 
 class PlanStep:
     """One posture of a plan: its number (from 0), the name of its target and what it repeats, degrees (mm if
     prismatic) as the controller counts them, to the last digit of the plan, and those of the intermediate
-    postures on the way to it."""
+    postures on the way to it; `first` counts the positions of the steps before."""
 
     number: int
     target: str
     joints: tuple[float, ...]
     via: tuple[tuple[float, ...], ...]
+    first: int = 0
+
+    @property
+    def label(self) -> str:
+        """`target` as ASCII on one line."""
+        return one_line(self.target)
 
     @property
     def named(self) -> dict[str, tuple[float, ...]]:
@@ -56,10 +68,11 @@ def steps_of(plan: Plan, motion: ProgramMotion) -> list[PlanStep]:
     def rows(joints: np.ndarray) -> tuple[tuple[float, ...], ...]:
         return rounded(pendant.counted(joints * display))
 
-    return [
-        PlanStep(i, called(plan, i), joints, rows(plan.via_of(i)))
-        for i, joints in enumerate(rows(plan.postures))
-    ]
+    steps: list[PlanStep] = []
+    for i, joints in enumerate(rows(plan.postures)):
+        first = steps[-1].first + len(steps[-1].named) if steps else 0
+        steps.append(PlanStep(i, called(plan, i), joints, rows(plan.via_of(i)), first))
+    return steps
 
 
 def called(plan: Plan, posture: int) -> str:
@@ -106,24 +119,6 @@ def require_axes(robot: Robot, most: int, holder: str) -> None:
         )
 
 
-def made_for(plan: Plan, vendor: Vendor, what: str, most: int, holder: str) -> str | None:
-    """BadInput where the plan's robot is not of `vendor` or does not fit; else what there is to check."""
-    note = require_vendor(plan.robot, vendor, what)
-    require_axes(plan.robot, most, holder)
-    return note
-
-
-def require_name(file: Path, pattern: str, what: str, language: str, allowed: str) -> None:
-    """BadInput where the stem of a file, which is the name of `what`, is none in the language."""
-    if not re.fullmatch(pattern, file.stem, re.ASCII):
-        raise BadInput(
-            f"the file's name is that of the {what}, and {language} does not allow this one",
-            found=file.stem,
-            allowed=allowed,
-            remedy="choose another name for the file",
-        )
-
-
 def top_speeds(robot: Robot) -> list[float]:
     """(n,) degrees (mm) a second; 1000 where the robot file states none."""
     return [_SUPPOSED_TOP if joint.speed is None else joint.speed * joint.display for joint in robot.joints]
@@ -140,9 +135,97 @@ def decimal(value: float, least: int = 1) -> str:
     return f"{whole}.{fraction.ljust(least, '0')}" if least else f"{whole}.{fraction}".removesuffix(".0")
 
 
-def listed(values: Sequence[float], least: int = 1) -> str:
-    """Numbers with commas between them."""
-    return ",".join(decimal(value, least) for value in values)
+def filled(
+    file: Path,
+    values: Mapping[str, Any],
+    quote: Callable[[str], str] = str,
+    escape: Callable[[str], str] = str,
+) -> list[str]:
+    """The text of a template, or those of its blocks in their order.
+
+    Whatever is filled in is ASCII on one line, and as the language has to `escape` it; `quote` is its filter.
+    """
+
+    def safe(value: object) -> str:
+        return escape(one_line(str(value)))
+
+    environment = Environment(
+        loader=FileSystemLoader(file.parent),
+        undefined=StrictUndefined,
+        finalize=safe,
+        autoescape=False,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        variable_start_string="<<",
+        variable_end_string=">>",
+        comment_start_string="<#",
+        comment_end_string="#>",
+    )
+    environment.filters |= {
+        "ascii": ascii,
+        "number": _number,
+        "numbers": _numbers,
+        "quote": quote,
+        "radians": math.radians,
+        "wrapped": wrap,
+    }
+    loaded = environment.get_template(file.name)
+    parts = loaded.blocks.values() or [loaded.root_render_func]
+    return ["".join(part(loaded.new_context({**values}))) for part in parts]
+
+
+def _number(value: float, least: int = 1, digits: int | None = None) -> str:
+    return decimal(value if digits is None else round(value, digits) + 0.0, least)
+
+
+def _numbers(row: Iterable[float], least: int = 1, digits: int | None = None, between: str = ",") -> str:
+    return between.join(_number(value, least, digits) for value in row)
+
+
+@dataclass(frozen=True)
+class ProgramContext:
+    """What every template has: the postures, joints as the controller counts them; `head` and `steps` for
+    people and machines, `rows` all joints by their names, `axes` their number in a row, `percents` of each
+    joint's top speed and `percent` the least of them; `name` is the stem of the file; the lines of its log
+    are `plan_line`, and those that begin with `log` (`rehearsal` where nothing is measured)."""
+
+    plan: Plan
+    motion: ProgramMotion
+    name: str
+    tool: str | None
+    head: tuple[str, ...]
+    steps: tuple[PlanStep, ...]
+    rows: Mapping[str, tuple[float, ...]]
+    axes: int
+    percents: tuple[int, ...]
+    percent: int
+    hash: str
+    plan_line: str
+    log: str = LOG
+    rehearsal: str = REHEARSAL
+
+
+def context_of(
+    plan: Plan, motion: ProgramMotion, name: str, tool: str | None, note: str | None
+) -> dict[str, Any]:
+    """`ProgramContext` by its names; `note` is what there is to check of the robot."""
+    steps, each = tuple(steps_of(plan, motion)), tuple(percents(plan.robot, motion.speed))
+    context = ProgramContext(
+        plan,
+        motion,
+        name,
+        tool,
+        tuple(head_lines(plan, motion, note)),
+        steps,
+        {name: row for step in steps for name, row in step.named.items()},
+        plan.robot.n,
+        each,
+        min(each),
+        short_hash(plan),
+        f"{LOG_PLAN} {short_hash(plan)}",
+    )
+    return vars(context)
 
 
 def program_of(kind: str) -> tuple[PlanProgram, Vendor | None]:

@@ -1,8 +1,8 @@
 """ABB: MOC.cfg, RAPID, logs of EGM."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from ....model.options import Option
 from ..maker import (
@@ -14,6 +14,7 @@ from ..maker import (
     PointNames,
     Reader,
 )
+from ..program_template import ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -54,10 +55,24 @@ def _rapid_offsets(run: "Run", calibration: "RobotCalibration") -> str:
     return rapid_text(calibration)
 
 
-def _rapid_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .rapid_program import rapid_program
+def _zone(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+    """As z10 and its like are defined: 1.5 times as wide for the orientation and the external axes."""
+    from ..plan_programs import decimal
 
-    return {file: rapid_program(plan, motion)}
+    if motion.zone == 0:
+        return {"zone": "[TRUE,0,0,0,0,0,0]"}
+    mm, wide, turn = (decimal(factor * motion.zone) for factor in (1.0, 1.5, 0.15))
+    return {"zone": f"[FALSE,{mm},{wide},{wide},{turn},{wide},{turn}]"}
+
+
+_PROGRAM = ProgramTemplate(
+    "abb",
+    "a RAPID program",
+    "a RAPID jointtarget",
+    tool=ToolName(r"[A-Za-z]\w{0,31}", "a name of RAPID", "the name of a tooldata: tool0", "tool0"),
+    quote=lambda text: text.replace("\\", "/").replace('"', "'"),
+    more=_zone,
+)
 
 
 def _read_rapid(
@@ -101,9 +116,7 @@ MAKER = Maker(
     "abb",
     r"abb|irb ?\d*\w*|yumi|gofa|swifti",
     offsets=(OffsetFile("moc", _moc), OffsetFile("rapid", _rapid_offsets, ending="mod")),
-    program=(
-        PlanProgram("rapid", "RAPID (ABB)", ("zb_plan.mod",), _rapid_program, ("speed", "zone", "tool")),
-    ),
+    program=(PlanProgram("rapid", "RAPID (ABB)", ("zb_plan.mod",), _PROGRAM, ("speed", "zone", "tool")),),
     read=(
         Reader(
             "rapid",

@@ -1,15 +1,22 @@
 """Denso: PacScript programs."""
 
 from ..line_format import LineFormat, LineParts
+from ..program_template import ProgramName, ProgramTemplate
 
 
 def _parts() -> LineParts:
     from ...positions.position_languages import PACSCRIPT
-    from .pacscript_program import pacscript_program
 
-    return LineParts(PACSCRIPT, pacscript_program)
+    return LineParts(PACSCRIPT, _PROGRAM)
 
 
+_NAME = ProgramName(
+    r"[A-Za-z]\w{0,63}",
+    "program",
+    "PacScript",
+    "a letter, then letters, digits and _: at most 64 (zb_plan.pcs)",
+)
+_PROGRAM = ProgramTemplate("denso", "a PacScript program", "J", name=_NAME)
 _FORMAT = LineFormat(
     _parts,
     ("pacscript", "PacScript (Denso)", ("zb_plan.pcs",), ("speed",)),

@@ -1,15 +1,16 @@
 """Doosan: DRL programs."""
 
 from ..line_format import LineFormat, LineParts
+from ..program_template import ProgramTemplate
 
 
 def _parts() -> LineParts:
     from ...positions.position_languages import DRL
-    from .drl_program import drl_program
 
-    return LineParts(DRL, lambda plan, motion, file: drl_program(plan, motion))
+    return LineParts(DRL, _PROGRAM)
 
 
+_PROGRAM = ProgramTemplate("doosan", "a DRL program", "posj", quote=lambda text: text.replace('"', ""))
 _FORMAT = LineFormat(
     _parts,
     ("drl", "DRL (Doosan)", ("zb_plan.drl",), ("speed", "tool")),

@@ -1,16 +1,13 @@
 """Epson: SPEL+ programs and their points, a sheet for Calib."""
 
-from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..maker import Maker, OffsetFile, PlanProgram, Reader, require_vendor
+from ..program_template import ProgramName, ProgramTemplate
 
 if TYPE_CHECKING:
-    from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..format_options import ProgramMotion
     from ..import_jobs import Imported, ImportJob
 
 _ABOUT = [
@@ -53,17 +50,18 @@ def _read_log(job: "ImportJob") -> "Imported":
     return import_program_log(job, source="SPEL+")
 
 
-def _program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .spel_program import spel_program
-
-    return {file: spel_program(plan, motion, file)}
-
-
+_NAME = ProgramName(
+    r"[A-Za-z]\w{0,31}",
+    "function",
+    "SPEL+",
+    "a letter, then letters, digits and _: at most 32 (zb_plan.prg)",
+)
+_PROGRAM = ProgramTemplate("epson", "a SPEL+ program", "JA", name=_NAME)
 MAKER = Maker(
     "Epson",
     "epson",
     r"epson|prosix\w*",
     offsets=(OffsetFile("epson", _sheet),),
-    program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _program, ("speed",)),),
+    program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _PROGRAM, ("speed",)),),
     read=(Reader("spel", _read_log, "Logs of a plan's program (zb_plan.log).", program_log=True),),
 )

@@ -14,6 +14,7 @@ from ..maker import (
     PointNames,
     Reader,
 )
+from ..program_template import ProgramName, ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -58,16 +59,48 @@ def _without_counts(options: Mapping[str, Any]) -> str | None:
     )
 
 
-def _tp_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .tp_program import fanuc_program
+_REGISTERS = 100
 
-    return {file: fanuc_program(plan, motion, file.stem)}
+
+def _registers(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+    """The first and the last position register that a plan's program writes, and how it counts joint 3:
+    from the ground, as a FANUC does, or from link 2, as on the few controllers that are set so."""
+    from ....model.errors import BadInput
+    from ....model.kinematics.pendant import pendant_of
+
+    ground = pendant_of(plan.robot, motion.j3, "fanuc").ground
+    first = 1 if motion.register is None else motion.register
+    last = first + len(plan.postures) - 1
+    if not 1 <= first <= last <= _REGISTERS:
+        raise BadInput(
+            "the position registers of the postures do not exist",
+            found=f"PR[{first}] to PR[{last}]",
+            allowed=f"PR[1] to PR[{_REGISTERS}]",
+            remedy="state another --register, or divide the plan",
+        )
+    counted = f"J3 counted from {'the ground' if ground else 'link 2'}"
+    return {"register": first, "last": last, "counted": counted}
+
+
+_NAME = ProgramName(
+    r"[A-Za-z]\w{0,35}",
+    "program",
+    "a FANUC",
+    "a letter, then letters, digits and _: at most 36 (zb_plan.ls)",
+)
+_PROGRAM = ProgramTemplate(
+    "fanuc",
+    "a TP program",
+    "a TP position",
+    name=_NAME,
+    tool=ToolName(r"0*([1-9]|10)", "a tool frame number of FANUC", "1 to 10", "1"),
+    quote=lambda text: text.replace(";", ","),
+    more=_registers,
+)
 
 
 def _overwrites(plan: "Plan", motion: "ProgramMotion") -> str:
-    from .tp_program import registers_of
-
-    first, last = registers_of(plan, motion)
+    first, last = map(_registers(plan, motion).get, ("register", "last"))
     return (
         f"the program overwrites PR[{first}] to PR[{last}], and leaves the recorded joints in them: save"
         " posreg.va before it is started, or choose others by --register N"
@@ -102,7 +135,7 @@ MAKER = Maker(
             "fanuc",
             "TP program (FANUC)",
             ("zb_plan.ls",),
-            _tp_program,
+            _PROGRAM,
             ("speed", "zone", "tool", "j3", "register"),
             overwrites=_overwrites,
         ),

@@ -1,15 +1,16 @@
 """Franka: joint lists in radians, out and back."""
 
 from ..line_format import LineFormat, LineParts
+from ..program_template import ProgramTemplate
 
 
 def _parts() -> LineParts:
     from ...positions.joint_lists import JOINT_LIST
-    from .joint_list import DIGITS, joint_list
 
-    return LineParts(JOINT_LIST, lambda plan, motion, file: joint_list(plan, motion), digits=DIGITS)
+    return LineParts(JOINT_LIST, _PROGRAM, digits=12)
 
 
+_PROGRAM = ProgramTemplate("franka", "a joint list of libfranka", "the list", 7)
 _FORMAT = LineFormat(
     _parts,
     ("franka", "joint list (Franka)", ("zb_plan.py",), ("speed",)),

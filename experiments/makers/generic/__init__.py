@@ -17,6 +17,7 @@ from ..maker import (
     StillMm,
     StillSeconds,
 )
+from ..program_template import ProgramTemplate
 from .layouts import CsvLayout, PointLayout
 
 if TYPE_CHECKING:
@@ -69,10 +70,13 @@ def _csv(run: "Run", calibration: "RobotCalibration") -> str:
     return csv_text(calibration)
 
 
-def _robodk_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .robodk_program import robodk_program
-
-    return {file: robodk_program(plan, motion, file.stem)}
+_ROBODK = ProgramTemplate(
+    None,
+    "a program for RoboDK",
+    "the program",
+    template="robodk.j2",
+    quote=lambda text: text.replace("\\", "/").replace('"', "'"),
+)
 
 
 def _ros_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -170,7 +174,7 @@ MAKER = Maker(
         OffsetFile("csv", _csv, as_data=True, ending="csv"),
     ),
     program=(
-        PlanProgram("robodk", "RoboDK (Python)", ("zb_plan.py",), _robodk_program, ("speed", "zone", "j3")),
+        PlanProgram("robodk", "RoboDK (Python)", ("zb_plan.py",), _ROBODK, ("speed", "zone", "j3")),
         PlanProgram("ros", "ROS JointTrajectory", ("zb_plan.yaml",), _ros_program, ("speed",), _ros_counting),
         PlanProgram("csv", "table (CSV)", ("zb_plan.csv",), _csv_program, ("j3",), _csv_counting),
     ),

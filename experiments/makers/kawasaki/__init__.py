@@ -1,15 +1,19 @@
 """Kawasaki: AS programs."""
 
 from ..line_format import LineFormat, LineParts
+from ..program_template import ProgramName, ProgramTemplate
 
 
 def _parts() -> LineParts:
     from ...positions.position_languages import AS
-    from .as_program import as_program
 
-    return LineParts(AS, as_program)
+    return LineParts(AS, _PROGRAM)
 
 
+_NAME = ProgramName(
+    r"[A-Za-z]\w{0,14}", "program", "AS", "a letter, then letters, digits and _: at most 15 (zb_plan.as)"
+)
+_PROGRAM = ProgramTemplate("kawasaki", "an AS program", "a joint displacement value", name=_NAME)
 _FORMAT = LineFormat(
     _parts,
     ("as", "AS (Kawasaki)", ("zb_plan.as",), ("speed", "zone", "tool")),

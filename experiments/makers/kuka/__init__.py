@@ -1,6 +1,6 @@
 """KUKA: mastering, KRL."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,12 +13,11 @@ from ..maker import (
     Reader,
     require_vendor,
 )
+from ..program_template import ProgramName, ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
-    from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..format_options import ProgramMotion
     from ..import_jobs import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
@@ -52,12 +51,6 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     return sheet_text(calibration, _ABOUT, table, Pendant(run.robot))
 
 
-def _krl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .krl_program import krl_program
-
-    return krl_program(plan, motion, file)
-
-
 def _read_krl(job: "ImportJob", points: PointNames = None) -> "Imported":
     """KUKA: axis positions (AXIS, E6AXIS) of a data list, taught or recorded by a plan's program."""
     from .krl_points import import_kuka
@@ -76,15 +69,27 @@ _MARK = FormatMark(
     "its positions in KRL",
     _points,
 )
+_NAME = ProgramName(
+    r"[A-Za-z]\w{0,23}",
+    "module",
+    "KRL",
+    "a letter, then letters, digits and _: at most 24 (zb_plan.src)",
+)
+_PROGRAM = ProgramTemplate(
+    "kuka",
+    "a KRL program",
+    "a KRL AXIS",
+    files=(".src", ".dat"),
+    name=_NAME,
+    tool=ToolName(r"0*([1-9]|[1-5]\d|6[0-4])", "a tool number of KRL", "1 to 64"),
+)
 MAKER = Maker(
     "KUKA",
     "kuka",
     r"kuka|kr ?\d+\w*|lbr|iiwa ?\d*",
     offsets=(OffsetFile("kuka", _sheet),),
     program=(
-        PlanProgram(
-            "krl", "KRL (KUKA)", ("zb_plan.src", "zb_plan.dat"), _krl_program, ("speed", "zone", "tool")
-        ),
+        PlanProgram("krl", "KRL (KUKA)", ("zb_plan.src", "zb_plan.dat"), _PROGRAM, ("speed", "zone", "tool")),
     ),
     read=(
         Reader("krl", _read_krl, "Data lists (.dat).", marks=(_MARK,)),

@@ -1,15 +1,50 @@
 """Nachi: SLIM programs of joint positions."""
 
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 from ..line_format import LineFormat, LineParts
+from ..program_template import ProgramTemplate, ToolName
+
+if TYPE_CHECKING:
+    from ..import_jobs import TaughtPoint
 
 
 def _parts() -> LineParts:
     from ...positions.joint_lists import SLIM
-    from .slim_program import named_positions, slim_program
 
-    return LineParts(SLIM, lambda plan, motion, file: slim_program(plan, motion), named_positions, digits=3)
+    return LineParts(SLIM, _PROGRAM, _named, digits=3)
 
 
+_LABELLED = re.compile(
+    r"""^[ \t]*(?:REM[ \t]*"|')(zb_[pv][\d_]+)\b[^\n]*\n[ \t]*MOVEX\b""", re.MULTILINE | re.IGNORECASE
+)
+
+
+def _named(text: str, points: "Sequence[TaughtPoint]") -> "list[TaughtPoint]":
+    """The positions of a program, those of a plan's program by the names in its remarks."""
+    from ....model.errors import BadInput
+    from ....model.parsing.reading import line_numbers
+    from ..taught_positions import named_by_remarks
+
+    if not re.search(r"^[ \t]*END\s*\Z", text, re.MULTILINE | re.IGNORECASE):
+        raise BadInput("the program has no end", allowed="END in its last line", remedy="save it again")
+    line_of = line_numbers(text)
+    labels = [(match[1].lower(), f"line {line_of(match.end())}") for match in _LABELLED.finditer(text)]
+    if not labels and "zerobeam plan" not in text:
+        return list(points)
+    return named_by_remarks(points, labels, [point.name for point in points], "slim")
+
+
+_PROGRAM = ProgramTemplate(
+    "nachi",
+    "a SLIM program",
+    "M1J",
+    tool=ToolName(r"\d{1,2}", "the number of a tool", "1 to 32", "1"),
+    quote=lambda text: text.replace('"', ""),
+    newline="\r\n",
+)
 _FORMAT = LineFormat(
     _parts,
     ("slim", "SLIM (Nachi)", ("zb_plan.slim",), ("speed", "tool")),

@@ -1,15 +1,16 @@
 """Techman: TMscript programs."""
 
 from ..line_format import LineFormat, LineParts
+from ..program_template import ProgramTemplate
 
 
 def _parts() -> LineParts:
     from ...positions.joint_lists import TMSCRIPT
-    from .tmscript_program import tmscript_program
 
-    return LineParts(TMSCRIPT, lambda plan, motion, file: tmscript_program(plan, motion))
+    return LineParts(TMSCRIPT, _PROGRAM)
 
 
+_PROGRAM = ProgramTemplate("techman", "a TMscript program", "JPP", quote=lambda text: text.replace('"', ""))
 _FORMAT = LineFormat(
     _parts,
     ("tmscript", "TMscript (Techman)", ("zb_plan.tms",), ("speed", "tool")),

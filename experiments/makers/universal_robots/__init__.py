@@ -1,9 +1,11 @@
 """Universal Robots: zeros of joints, factory calibrations, URScript, RTDE recordings."""
 
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+from ....model.errors import BadInput
 from ....model.options import Option
 from ..maker import (
     Decimal,
@@ -17,6 +19,7 @@ from ..maker import (
     StillSeconds,
     require_vendor,
 )
+from ..program_template import ProgramTemplate
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -73,10 +76,34 @@ def _beside_last_axis(run: "Run") -> Collection[str]:
     return [f"link{run.robot.n}.{axis}" for axis in ("a", "b", "alpha", "beta")]
 
 
-def _urscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .urscript_program import urscript_program
+_AXES = 6
+_LISTENER = re.compile(r"([A-Za-z0-9][A-Za-z0-9.-]{0,252}):(\d{1,5})", re.ASCII)
 
-    return {file: urscript_program(plan, motion)}
+
+def _listener(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+    """Who is told the joints besides the log: host and port, None where nobody is."""
+    if plan.robot.n != _AXES:
+        raise BadInput("a URScript joint vector has six joints", found=f"{plan.robot.n} joints")
+    if motion.listener is None:
+        return {"listener": None}
+    match = _LISTENER.fullmatch(motion.listener)
+    if match is None or not 0 < int(match[2]) < 65536:
+        raise BadInput(
+            "--listener is not understood",
+            found=motion.listener,
+            allowed="HOST:PORT, such as 192.168.0.10:50007",
+        )
+    return {"listener": (match[1], int(match[2]))}
+
+
+_PROGRAM = ProgramTemplate(
+    "universal-robots",
+    "a URScript program",
+    "a URScript joint vector",
+    _AXES,
+    quote=lambda text: text.replace("\\", "/").replace('"', "'"),
+    more=_listener,
+)
 
 
 def _rtde(joints: int) -> "CsvLayout":
@@ -123,7 +150,7 @@ MAKER = Maker(
             "urscript",
             "URScript (Universal Robots)",
             ("zb_plan.script",),
-            _urscript_program,
+            _PROGRAM,
             ("speed", "zone", "listener"),
         ),
     ),

@@ -1,13 +1,18 @@
 """Yaskawa: INFORM jobs, a sheet for the home position."""
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any
 
 from ..line_format import LineFormat, LineParts
 from ..maker import OffsetFile, require_vendor
+from ..program_template import ProgramName, ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
+    from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
+    from ..format_options import ProgramMotion
+    from ..import_jobs import TaughtPoint
 
 _ABOUT = [
     "Home position sheet for Yaskawa. At the home position an axis reads 0 pulses.",
@@ -42,11 +47,47 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
 
 def _parts() -> LineParts:
     from ...positions.position_languages import INFORM
-    from .inform_program import inform_program, named_positions
 
-    return LineParts(INFORM, inform_program, named_positions, digits=0)
+    return LineParts(INFORM, _PROGRAM, _named, digits=0)
 
 
+_LABELLED = re.compile(
+    r"^[ \t]*'(zb_(?:p\d+|v\d+_\d+))\b[^\n]*\n[ \t]*MOVJ (C\d+)", re.MULTILINE | re.IGNORECASE
+)
+
+
+def _named(text: str, points: "list[TaughtPoint]") -> "list[TaughtPoint]":
+    """The positions of a job, those of a plan's program by the names in its remarks."""
+    from ..taught_positions import named_by_remarks
+
+    labels = [(match[1].lower(), match[2].upper()) for match in _LABELLED.finditer(text)]
+    if not labels and "zerobeam plan" not in text:
+        return points
+    points = [point._replace(name=point.name.upper()) for point in points]
+    return named_by_remarks(points, labels, sorted({point.name for point in points}), "inform")
+
+
+def _pulses(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+    from ....model.kinematics.pendant import Pendant
+
+    return {"per_degree": Pendant(plan.robot).per_degree("pulse").tolist()}
+
+
+_NAME = ProgramName(
+    r"[A-Za-z][\w-]{0,7}",
+    "job",
+    "INFORM",
+    "a letter, then letters, digits, _ and -: at most 8 (ZB_PLAN.JBI)",
+)
+_PROGRAM = ProgramTemplate(
+    "yaskawa",
+    "an INFORM job",
+    "a job's position",
+    name=_NAME,
+    tool=ToolName(r"\d{1,2}", "the number of a tool file", "0 to 63", "0"),
+    newline="\r\n",
+    more=_pulses,
+)
 _FORMAT = LineFormat(
     _parts,
     ("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), ("speed", "tool")),

@@ -21,10 +21,12 @@ from import_files import import_csv
 from krl_interpreter import KrlController
 from rapid_interpreter import RapidController
 
+from zerobeam.experiments.makers import plan_programs
 from zerobeam.experiments.makers.abb.rapid_points import rapid_positions
 from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout
 from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
+from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import (
     ProgramMotion,
     decimal,
@@ -33,6 +35,7 @@ from zerobeam.experiments.makers.plan_programs import (
     steps_of,
     write_program,
 )
+from zerobeam.experiments.makers.program_template import ProgramTemplate
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.robot_file import load_robot
@@ -291,3 +294,60 @@ def test_a_tp_program_says_which_registers_it_overwrites(tmp_path: Path) -> None
         int(number) for number in re.findall(r"PR\[(\d+)[,\]]", file.read_text().partition("UFRAME")[2])
     }
     assert written == set(range(31, last + 1))
+
+
+# What may hold a name of the plan, remarks first: nothing else of a program may depend on one.
+HOLDS_NAMES = {
+    "rapid": r"(?m)^ *![^\n]*|\"[^\"\n]*\"",
+    "pacscript": r"(?m)^ *'[^\n]*|\"[^\"\n]*\"",
+    "drl": r"(?m)^#[^\n]*|\"[^\"\n]*\"",
+    "spel": r"(?m)^ *'[^\n]*|\"[^\"\n]*\"",
+    "fanuc": r"(?m)^ *\d+:  ![^;\n]* ;$",
+    "franka": r"#[^\n]*",
+    "as": r"(?m)^ *;[^\n]*|\"[^\"\n]*\"",
+    "krl": r"(?m)^ *;[^\n]*",
+    "melfa": r"(?m)^'[^\n]*",
+    "slim": r"(?m)^'[^\n]*|^REM \"[^\"\n]*\"",
+    "val3": r"(?m)^  //(?:(?!\]\]>)[^\n])*",
+    "tmscript": r"(?m)^//[^\n]*|\"[^\"\n]*\"",
+    "urscript": r"(?m)^#[^\n]*|\"[^\"\n]*\"",
+    "inform": r"(?m)^(?:'[^\n]*\n)+",
+    "robodk": r"(?s)\A\"\"\".*?\"\"\"|\"(?:[^\"\n\\]|\\.)*\"|'(?:[^'\n\\]|\\.)*'",
+}
+EVIL = "x\"'); ENDPROC ]]> */ \\ ;\nMoveJ\r\nEND\u2028\x85\x00ü {{ 7 }} << 7 >> {% raw %}"
+TEMPLATES = [program for maker in makers() for program in maker.program if program.name in HOLDS_NAMES]
+
+
+def _without_names(
+    kind: str, folder: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> list[tuple[str, str]]:
+    monkeypatch.setattr(plan_programs, "called", lambda plan, number: name)
+    plan = plan_of(folder, "rapid")
+    pulses = replace(plan.robot.conventions, pulses_per_deg=(1000.0,) * 6)
+    robot = replace(plan.robot, vendor=None, name=f"arm {name}", conventions=pulses)
+    motion = ProgramMotion(j3="link" if kind == "fanuc" else None)
+    file = next(folder / program.files[0] for program in TEMPLATES if program.name == kind)
+    texts = program_texts(kind, replace(plan, robot=robot, path=Path(f"{name}.yaml")), motion, file)
+    return [(path.name, re.sub(HOLDS_NAMES[kind], "@", text)) for path, text in texts.items()]
+
+
+@pytest.mark.parametrize("kind", HOLDS_NAMES)
+def test_no_name_of_a_plan_gets_out_of_a_remark_or_a_string(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tame, evil = (_without_names(kind, tmp_path, name, monkeypatch) for name in ("psd", EVIL))
+    assert [text.encode("ascii") for _, text in evil] == [text.encode() for _, text in tame]
+
+
+def test_without_the_rules_of_a_language_names_do_get_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tame = {kind: _without_names(kind, tmp_path, "psd", monkeypatch) for kind in HOLDS_NAMES}
+    monkeypatch.setattr(plan_programs, "one_line", str)
+    monkeypatch.setattr(ProgramTemplate, "__getattribute__", _without_rules)
+    for kind in sorted({*HOLDS_NAMES} - {"robodk"}):
+        assert _without_names(kind, tmp_path, EVIL, monkeypatch) != tame[kind], kind
+
+
+def _without_rules(template: ProgramTemplate, name: str) -> Any:
+    return str if name in ("quote", "escape") else object.__getattribute__(template, name)

@@ -40,7 +40,7 @@ def test_the_tool_is_a_number(tmp_path: Path) -> None:
     plan = plan_for(tmp_path, controller.robot_file(tmp_path), controller.TARGET, count=1)
     write_program("slim", plan, ProgramMotion(tool="3"), tmp_path / "zb_plan.slim")
     assert ",H=3,MS" in (tmp_path / "zb_plan.slim").read_text()
-    with pytest.raises(BadInput, match="--tool is the number of a tool"):
+    with pytest.raises(BadInput, match="--tool is not the number of a tool"):
         write_program("slim", plan, ProgramMotion(tool="grip"), tmp_path / "other.slim")
 
 
