@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -137,7 +136,7 @@ def decimal(value: float, least: int = 1) -> str:
 
 def filled(
     file: Path,
-    values: Mapping[str, Any],
+    values: Mapping[str, object],
     quote: Callable[[str], str] = str,
     escape: Callable[[str], str] = str,
 ) -> list[str]:
@@ -208,7 +207,7 @@ class ProgramContext:
 
 def context_of(
     plan: Plan, motion: ProgramMotion, name: str, tool: str | None, note: str | None
-) -> dict[str, Any]:
+) -> Mapping[str, object]:
     """`ProgramContext` by its names; `note` is what there is to check of the robot."""
     steps, each = tuple(steps_of(plan, motion)), tuple(percents(plan.robot, motion.speed))
     context = ProgramContext(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...model.errors import BadInput
 from .maker import require_vendor
@@ -55,7 +55,7 @@ class ToolName:
         return tool
 
 
-def _no_more(plan: Plan, motion: ProgramMotion) -> dict[str, Any]:
+def _no_more(plan: Plan, motion: ProgramMotion) -> Mapping[str, object]:
     return {}
 
 
@@ -81,7 +81,7 @@ class ProgramTemplate:
     quote: Callable[[str], str] = str
     escape: Callable[[str], str] = str
     newline: str = "\n"
-    more: Callable[[Plan, ProgramMotion], dict[str, Any]] = _no_more
+    more: Callable[[Plan, ProgramMotion], Mapping[str, object]] = _no_more
 
     def __call__(self, plan: Plan, motion: ProgramMotion, file: Path) -> Mapping[Path, str]:
         """The texts of a program by their files. BadInput for a robot of another vendor, joints that the
@@ -98,7 +98,7 @@ class ProgramTemplate:
         if self.name is not None:
             self.name.require(file)
         tool = motion.tool if self.tool is None else self.tool.of(motion.tool)
-        values = context_of(plan, motion, file.stem, tool, note) | self.more(plan, motion)
+        values = {**context_of(plan, motion, file.stem, tool, note), **self.more(plan, motion)}
         texts = filled(self._folder / self.template, values, self.quote, self.escape)
         paths = [file.with_suffix(each) if each[0] == "." else file.with_name(each) for each in self.files]
         return {

@@ -1,8 +1,8 @@
 """ABB: MOC.cfg, RAPID, logs of EGM."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from ....model.options import Option
 from ..maker import (
@@ -55,7 +55,7 @@ def _rapid_offsets(run: "Run", calibration: "RobotCalibration") -> str:
     return rapid_text(calibration)
 
 
-def _zone(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+def _zone(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:
     """As z10 and its like are defined: 1.5 times as wide for the orientation and the external axes."""
     from ..plan_programs import decimal
 

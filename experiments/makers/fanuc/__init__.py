@@ -62,7 +62,7 @@ def _without_counts(options: Mapping[str, Any]) -> str | None:
 _REGISTERS = 100
 
 
-def _registers(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+def _registers(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:
     """The first and the last position register that a plan's program writes, and how it counts joint 3:
     from the ground, as a FANUC does, or from link 2, as on the few controllers that are set so."""
     from ....model.errors import BadInput

@@ -1,9 +1,9 @@
 """Universal Robots: zeros of joints, factory calibrations, URScript, RTDE recordings."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from ....model.errors import BadInput
 from ....model.options import Option
@@ -80,7 +80,7 @@ _AXES = 6
 _LISTENER = re.compile(r"([A-Za-z0-9][A-Za-z0-9.-]{0,252}):(\d{1,5})", re.ASCII)
 
 
-def _listener(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+def _listener(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:
     """Who is told the joints besides the log: host and port, None where nobody is."""
     if plan.robot.n != _AXES:
         raise BadInput("a URScript joint vector has six joints", found=f"{plan.robot.n} joints")

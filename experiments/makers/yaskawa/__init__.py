@@ -1,7 +1,8 @@
 """Yaskawa: INFORM jobs, a sheet for the home position."""
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from ..line_format import LineFormat, LineParts
 from ..maker import OffsetFile, require_vendor
@@ -67,7 +68,7 @@ def _named(text: str, points: "list[TaughtPoint]") -> "list[TaughtPoint]":
     return named_by_remarks(points, labels, sorted({point.name for point in points}), "inform")
 
 
-def _pulses(plan: "Plan", motion: "ProgramMotion") -> dict[str, Any]:
+def _pulses(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:
     from ....model.kinematics.pendant import Pendant
 
     return {"per_degree": Pendant(plan.robot).per_degree("pulse").tolist()}
