@@ -30,7 +30,7 @@ def app(
 
     def announce(address: str) -> None:
         say(f"The app: {address}")
-        say("Who has this address, with its token, may do all that the app does. Ctrl-C ends it.")
+        say("Anyone who has this address, with its token, can do all that the app can. Ctrl-C ends it.")
         if not browser:
             return
         try:

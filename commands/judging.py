@@ -162,10 +162,7 @@ def compare(
 def schema(
     name: Annotated[
         str | None,
-        argument(
-            "run-header, run-shot, plan, header, robot, obstacles, cell, sensors, psd-calibration,"
-            " study-file, result, check, compare, batch or history."
-        ),
+        argument("Name of the schema, as plan, run-header, result or check."),
     ] = None,
 ) -> None:
     """Print the JSON Schema of a file (without a name: which there are)."""

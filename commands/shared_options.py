@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..experiments.cluster import Traffic
 
 Json = Annotated[bool, Option("Print JSON for programs, and nothing else.", "--json")]
-Full = Annotated[bool, Option("Print all that is known, not only what is read first.", "--full")]
+Full = Annotated[bool, Option("Print the whole answer, not page one alone.", "--full")]
 RunFile = Annotated[Path, argument("Run file (.jsonl).")]
 PlanFile = Annotated[Path, argument("Plan file (.yaml).")]
 NewRunFile = Annotated[Path, Option("Run file to write (.jsonl).", "-o --out")]
@@ -26,11 +26,11 @@ class Cluster:
 
     workers: Annotated[
         int | None,
-        Option("Do the work in so many Dask workers on this machine.", least=1, most=256, metavar="N"),
+        Option("Use so many Dask workers on this machine.", least=1, most=256, metavar="N"),
     ] = None
     scheduler: Annotated[
         str | None,
-        Option("Do the work in the workers of the Dask scheduler at this address.", metavar="ADDRESS"),
+        Option("Use the workers of the Dask scheduler at this address.", metavar="ADDRESS"),
     ] = None
 
     def opened(self) -> "AbstractContextManager[Traffic | None]":

@@ -35,7 +35,7 @@ class RunOptions:
         bool, Option("With --arm: without its offsets entered; with the seed of RUN the targets stay too.")
     ] = False
     recording: Annotated[
-        Path | None, Option("Run file that a replay gives back.", "--recorded", app=False)
+        Path | None, Option("Recorded run (.jsonl) that a replay reads.", "--recorded", app=False)
     ] = None
     resume: Annotated[bool, Option("Go on with a run that was stopped.")] = False
     adaptive: Annotated[

@@ -110,7 +110,9 @@ def lacking_test_sentence(lacking: LackingTest) -> str:
 def mistake_sentence(mistake: Mistake) -> str:
     """A mistake in entering that would explain the measurements."""
     names = listed([label(name) for name in mistake.offsets])
-    return f"It would fit if {names} had been {_ENTERED[mistake.kind]} ({numbers.p_words(mistake.p_value)})."
+    return (
+        f"The measurements agree with {names} {_ENTERED[mistake.kind]} ({numbers.p_words(mistake.p_value)})."
+    )
 
 
 def probability_words(share: float) -> str:

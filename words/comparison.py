@@ -26,7 +26,7 @@ def headline(runs: Comparison) -> str:
     one = len(runs.misfits) == 1
     return (
         f"The model does not describe {listed(runs.misfits)}: {'its' if one else 'their'} offsets, and every"
-        f" mean that they enter, are unvalidated. {_headline(runs)}"
+        f" mean that includes them, are unvalidated. {_headline(runs)}"
     )
 
 
@@ -114,7 +114,7 @@ def notes(compared: Comparison) -> Iterator[str]:
             " tests are F instead of chi-squared"
         )
     if compared.used == 2:
-        yield "Two runs cannot show a drift, nor which of them is the outlier: a third would"
+        yield "With two runs neither a drift nor an outlier can be tested: add a third run"
     yield (
         "Errors that are the same in all runs do not show in their scatter: geometry that deviates from"
         " nominal, backlash that is always taken up from one side, an instrument that is not as stated"
@@ -166,7 +166,7 @@ def _hint_of_a_drift(comparison: Comparison) -> Iterator[str]:
     if drifts and not comparison.drifting:
         _, name, unit, drift = min(drifts, key=lambda drift: drift[0])
         yield (
-            f"A hint of a drift, no more: {name} changes by {drift.slope:.2g} {unit} a"
+            f"A possible drift, not significant: {name} changes by {drift.slope:.2g} {unit} a"
             f" {'hour' if comparison.by_time else 'run'}, nearly in a line ({p_words(drift.p_holm, 2)},"
             " Holm-adjusted)"
         )

@@ -12,13 +12,13 @@ from .region_words import region_first, region_words
 
 WHY_THEY_DIFFER = (
     "The values are not the offsets of the arm: the controller computes with nominal links, so the values"
-    " also make up for links that deviate and joints that bend, as far as offsets can. The U of a value"
+    " also make up for links that deviate and joints that deflect, as far as offsets can. The U of a value"
     " includes how well these are known: it may be larger than that of the offset."
 )
 U_OF_VALUES = "U is of the value here; of the offset alone in the verdict."
 ALL_OR_NONE = f"Enter all or none. {U_OF_VALUES}"  # they were fitted together
-NOT_CLAIMED = "What they gain at the TCP is not claimed: it depends on what is not determined."
-TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on what is not determined."
+NOT_CLAIMED = "Their gain at the TCP is not claimed: it depends on an undetermined offset."
+TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on an undetermined offset."
 TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."
 NO_REQUIREMENT = (
     "The header states no requirement (required: {tcp_mm: …}): the report says what was determined, not"

@@ -75,7 +75,7 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             return (
                 f"Residuals are larger than the noise of an exact arm explains (p {exact}). With links as"
                 f" those of a typical arm, within {mm} and {deg}, they agree with it (p {typical}):"
-                " geometry: exact is the first suspect"
+                " geometry: exact is the most likely cause"
             )
         case HeldOutMisfit(factor=factor, run=str(run)):
             return (
@@ -146,7 +146,7 @@ def posterior_message(posterior: PosteriorSummary) -> str:
                 "not sampled: the curvature at the mode describes it (the profile likelihood has the same"
                 " 95 % intervals, to a tenth of their width)"
             )
-        return "not sampled: that was asked for; the curvature at the mode may not describe it"
+        return "not sampled, as requested; the curvature at the mode may not describe it"
     if posterior.draws == 0:
         return "not sampled: the fit did not converge"
     rhat = "not finite" if posterior.rhat_max is None else f"{posterior.rhat_max:.3f}"

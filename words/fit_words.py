@@ -70,17 +70,17 @@ def robust_sentence(result: Result, robust: Robust) -> str:
     if robust.loss == "huber":
         threshold = numbers.significant(robust.tuning)
         sentences = [
-            f"Huber’s loss: a normalised residual beyond {threshold} weighs less, the larger the less."
+            f"Huber’s loss: the weight of a normalised residual r above {threshold} is {threshold}/r."
         ]
     else:
         nu = numbers.exact(robust.tuning)
         sentences = [
-            f"Student’s loss with {nu} degrees of freedom: the larger a residual, the less it weighs."
+            f"Student’s loss with {nu} degrees of freedom: the larger a residual, the smaller its weight."
         ]
     sentences.append("A measurement of weight 1 counts as in the likelihood fit.")
     sentences.append(_outliers(result, robust))
     if robust.noise_scale is not None:
-        sentences.append(f"The noise is {numbers.significant(robust.noise_scale)} times the stated.")
+        sentences.append(f"The noise is {numbers.significant(robust.noise_scale)} times the stated noise.")
     if robust.with_uncertainty:
         sentences.append("Its intervals follow from the residuals as they are, not from the stated noise.")
     else:

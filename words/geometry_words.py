@@ -12,7 +12,7 @@ from ..analysis.status import Status
 from . import numbers
 from .wording import Namer, listed, person
 
-IF_IT_DEVIATES = "u if the arm deviates"
+IF_IT_DEVIATES = "u, incl. tolerances"
 SET_BY_TOLERANCES = "set by tolerances"
 RUNGS: dict[RungName, str] = {
     "offsets": "nominal geometry",
@@ -152,11 +152,11 @@ def confounded_sentence(
     text = f"{percent(share)} of the variance of {name(offset)} comes from how far the links may deviate"
     rivals = [row for row in geometry.confounded if row.offset == offset and abs(row.correlation) >= _MOSTLY]
     if not rivals:
-        return f"{text}; no single one of them looks like it."
-    named = [f"{name(row.parameter)} (correlation {correlation(row)})" for row in rivals]
+        return f"{text}; the estimate is not correlated with any one of them alone."
+    named = [f"{name(row.parameter)} ({correlation(row)})" for row in rivals]
     return (
-        f"{text}: in these postures {listed(named)} {'looks' if len(named) == 1 else 'look'} much like it."
-        " Other postures can tell them apart, the same ones again cannot."
+        f"{text}: in these postures the estimate is correlated with {listed(named)}. Other postures can"
+        " separate them, the same ones again cannot."
     )
 
 

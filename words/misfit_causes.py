@@ -137,7 +137,8 @@ def changed(explanation: Explanation) -> str:
             which = listed(joints) if joints else "all joints"
             return f"with backlash in {which}"
         case "gain":
-            return f"with {joints[0]} {_signed(100 * amount, '')} % longer than recorded".replace("  ", " ")
+            share, size = numbers.significant(100 * abs(amount), 2), "larger" if amount >= 0 else "smaller"
+            return f"with the motions of {joints[0]} {share} % {size} than recorded"
         case "noise":
             return f"with {times(amount)} times the stated noise"
         case "geometry" if amount <= 1:
@@ -257,7 +258,9 @@ def mend(explanation: Explanation) -> str:
         case "geometry":
             return f"State the larger geometry.tolerance in the header if this arm is that far off, {_AGAIN}."
         case "gravity":
-            return f"State a larger geometry.gravity_deg in the header if this arm bends so much, {_AGAIN}."
+            return (
+                f"State a larger geometry.gravity_deg in the header if this arm deflects so much, {_AGAIN}."
+            )
         case "harmonics":
             return (
                 f"State a larger geometry.harmonics_deg in the header if its gears are so far off, {_AGAIN}."

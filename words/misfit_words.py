@@ -72,7 +72,7 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
         case NominalContradicted():
             return (
                 "The nominal geometry does not describe this arm: links within typical tolerances explain"
-                f" {times(criterion.factor)} times what scatters besides (F({criterion.rank},"
+                f" {times(criterion.factor)} times the remaining scatter (F({criterion.rank},"
                 f" {criterion.dof}), {p_words(criterion.p_value)}). With links the residuals are"
                 f" {times(criterion.after)} times the stated noise instead of {times(criterion.before)}"
             )
@@ -148,7 +148,7 @@ def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
     """What is wrong, first of all; the first criterion, and what follows for the answer."""
     first = criterion_sentence(misfit.criteria[0], name).removeprefix("Lack of fit: ")
     more = len(misfit.criteria) - 1
-    also = f" {more} more {'criterion says' if more == 1 else 'criteria say'} so." if more else ""
+    also = f" {more} more {'criterion agrees' if more == 1 else 'criteria agree'}." if more else ""
     return f"{capital(first)}.{also} {capital(UNVALIDATED)}."
 
 
@@ -277,7 +277,7 @@ def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
     if undecided(explanations):
         return "The measurements do not decide between the first of these: check each. Nothing was applied."
     if len(explanations) > 1:
-        return "The first is at least 20 times as likely as each other one. Nothing was applied."
+        return "The first is at least 20 times as likely as any other. Nothing was applied."
     return "No other cause that was tried is within an evidence ratio of 1:1000. Nothing was applied."
 
 

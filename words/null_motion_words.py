@@ -50,7 +50,7 @@ def motion_words(motion: NullSpaceMotion, direction: NullDirection, measured: in
         new_posture="A posture that ends it",
         motion=f"{joint} from {less} to {more}",
         caption=(
-            "Null-space motion: both ends fit the readings equally; no place here is an estimate."
+            "Null-space motion: both ends fit the readings equally; no position here is an estimate."
             f" {len(motion.shots)} of {counted(measured, motion.like)} are drawn. {_drawn(motion)}{larger}"
         ),
         alt=(
@@ -73,8 +73,8 @@ def _drawn(motion: NullSpaceMotion) -> str:
     if first.postures[0].links == last.postures[0].links:
         joint = int(motion.offset.removeprefix("delta")) + 1
         what = "the flange" if motion.marked == "flange" else f"the axis of joint {joint}"
-        return f"Dashed: the way of a mark on {what}, all that moves."
-    way = f"; dashed: the way of {listed(moved[:_MOST_NAMED])}" if moved else ""
+        return f"Dashed: the path of a mark on {what}, the only part that moves."
+    way = f"; dashed: the path of {listed(moved[:_MOST_NAMED])}" if moved else ""
     return f"In grey: the first of them at the ends{way}."
 
 

@@ -111,7 +111,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
         case AsGoodAs():
             return _as_good_as(cause)
         case ToleranceOnly():
-            return "prior only: the measurements say no more of it than its tolerance"
+            return "prior only: the measurements add nothing to its tolerance"
         case WithinTolerances(share, largest):
             named = [
                 f"{name(each.name)} ({numbers.exact(float(f'{each.std:.3g}'), numbers.unit_of(each.unit))})"
@@ -467,7 +467,7 @@ def direction_kind(direction: NullDirection) -> str:
     if direction.kind == "optima":
         return "not decided: the way from the best local optimum to another that explains the data as well"
     if direction.data_std is None or direction.data_std >= 1:
-        return "not resolvable at this noise level: the data say less than the prior"
+        return "not resolvable at this noise level: the prior is more precise than the data"
     share = numbers.significant(direction.data_std, 2)
     return f"{WEAK}: its uncertainty is {share} of the prior"
 
@@ -495,7 +495,10 @@ def over_target_sentence(check: Check) -> str | None:
         return None
     where = "the target anywhere within its stated sigma"
     if over.mounts:
-        where = "reflectors, mounts and targets where they may be (std 50 mm and 30° where only guessed)"
+        where = (
+            "reflectors, mounts and targets where they may be (standard deviations of 50 mm and 30° where"
+            " only guessed)"
+        )
     hit = f"With {where} ({over.draws} draws), {over.hit:.0%} of the measurements hit"
     rows = [row for row in check.parameters if row.name in over.worst_std and row.std is not None]
     if not rows:

@@ -12,7 +12,7 @@ from .wording import listed, person
 
 MOST_SHOWN = 3
 TITLE = "What would make it better"
-HEADS = ("TCP off", "95 %", "time")
+HEADS = ("TCP", "95 %", "time")
 _OPEN = "not determined"
 
 
@@ -139,7 +139,7 @@ def outlook_notes(outlook: Outlook) -> list[str]:
 
 
 def _region(outlook: Outlook) -> str:
-    return f"TCP off: median and 95 % {region_words(outlook.region)}, with the values entered."
+    return f"TCP: its error, median and 95 %, {region_words(outlook.region)}, with the values entered."
 
 
 def _floor(outlook: Outlook) -> list[str]:
@@ -160,13 +160,13 @@ def _required(outlook: Outlook) -> list[str]:
         return []
     required = numbers.exact(outlook.required_mm, "mm")
     if not outlook.reachable:
-        return [f"The required {required} (95 %) are out of reach of these remedies."]
+        return [f"None of these remedies reaches the required {required} (95 %)."]
     if outlook.now.tcp_95_mm is not None and outlook.now.tcp_95_mm <= outlook.required_mm:
         return []  # whether the answer as it is meets it is judged of this arm
     rows = sorted((outlook.now, *outlook.remedies), key=lambda row: (row.shots, row.minutes))
     for row in rows:
         if row.tcp_95_mm is not None and row.tcp_95_mm <= outlook.required_mm:
-            return [f"The required {required} (95 %) are within reach: {_remedy(row)}."]
+            return [f"The required {required} (95 %) is within reach: {_remedy(row)}."]
     row = next(r for r in rows if r.links_95_mm is not None and r.links_95_mm <= outlook.required_mm)
     first = "" if row.remedy in ("none", "links") else f"{_remedy(row)}, and "
-    return [f"The required {required} (95 %) are within reach: {first}the links entered as well."]
+    return [f"The required {required} (95 %) is within reach: {first}the links entered as well."]

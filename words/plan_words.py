@@ -38,7 +38,7 @@ def violation_words(violation: Violation) -> str:
             f" (radius {radius}{assumed})"
         )
     if at_value is None or lowest is None or highest is None:
-        planned = ", before the wrist is turned onto the target" if violation.planned else ""
+        planned = ", before the wrist is rotated onto the target" if violation.planned else ""
         return f"{where}{_BROKEN[violation.condition]}{planned}"
     unit = violation.unit or ""
     at, low, high = (numbers.exact(round(value, 2), unit) for value in (at_value, lowest, highest))
@@ -87,6 +87,6 @@ def plan_sentence(finding: PlanFinding) -> str:
             )
         case OutsideLimits(posture, joint, at, unit, (low, high), counting):
             return (
-                f"Turned onto the target, joint {joint} of posture {posture} is at {at:.1f} {unit}, outside"
+                f"Rotated onto the target, joint {joint} of posture {posture} is at {at:.1f} {unit}, outside"
                 f" {low:.0f} to {high:.0f}{counting and f' ({counting})'}"
             )

@@ -14,14 +14,14 @@ def predicted_run_sentences(run: PredictedRun) -> list[str]:
     sentences = [_how(run)]
     if run.rms_mm is not None and run.expected_mm is not None and run.u_mm is not None:
         sentences.append(
-            f"The errors are {numbers.significant(run.rms_mm, unit='mm')} rms; noise and fit let one expect"
-            f" {numbers.significant(run.expected_mm, unit='mm')}, in which the standard uncertainty of the"
-            f" prediction is {numbers.significant(run.u_mm, unit='mm')}."
+            f"The errors are {numbers.significant(run.rms_mm, unit='mm')} rms. From noise and fit"
+            f" {numbers.significant(run.expected_mm, unit='mm')} are expected, including the standard"
+            f" uncertainty of the prediction, {numbers.significant(run.u_mm, unit='mm')}."
         )
         if run.rms_deg is not None and run.expected_deg is not None:
             sentences.append(
-                f"Rotations are off by {numbers.significant(run.rms_deg, unit='deg')} rms; noise and fit let"
-                f" one expect {numbers.significant(run.expected_deg, unit='deg')}."
+                f"Rotations are off by {numbers.significant(run.rms_deg, unit='deg')} rms; expected from"
+                f" noise and fit: {numbers.significant(run.expected_deg, unit='deg')}."
             )
         sentences.append(_gain(run.rms_mm, run.rms_before_mm))
     if run.p_value is not None and run.factor is not None:

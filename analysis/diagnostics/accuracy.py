@@ -123,7 +123,7 @@ class TcpAccuracy:
         RegionAccuracy | None,
         it(
             "over the region (`region`): `postures`, and each as `median` and `worst` `before_mm` "
-            "(error with nothing entered), `before_std_mm` (its std at those two postures), `before95_mm` "
+            "(error with nothing entered), `before_std_mm` (its u at those two postures), `before95_mm` "
             "(radius that contains it with 95 % probability), `after95_mm` (the same once the values of "
             "`enter` are entered), `after_rms_mm` (expected error); null where no accuracy is claimed"
         ),
@@ -145,7 +145,7 @@ class TcpAccuracy:
         tuple[str, ...],
         it("offsets that the TCP depends on and that are unidentifiable or held; empty otherwise"),
     ]
-    weak: Annotated[tuple[str, ...], it("offsets that enter with a large std")]
+    weak: Annotated[tuple[str, ...], it("offsets that enter with a large u")]
     held: Annotated[tuple[bool, ...], internal]
     causes: Annotated[tuple[Cause | None, ...], internal]
     joints: Annotated[int, internal]

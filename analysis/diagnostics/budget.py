@@ -94,11 +94,11 @@ class Budget:
             "`kind` and `of`: `joint` (its number), `spot`, `prior` (the parameter), `target` (its "
             "three coordinates), `distance` (the two targets), `noise factors` (their effect on the "
             "weights), `curvature` (of the log-posterior beyond Fisher's information). `type`: `A` "
-            "(from the residuals of this run) or `B` (stated); `std` of one reading or stated number,"
-            " with its `unit` and `dof` (null: infinite); all null for the last two kinds. "
-            "`sensitivity`: contribution over std, in the unit of the parameter per `unit`, all "
-            "readings together; null where there is no std. `contribution`: a std in the unit of the "
-            "parameter, negative where it lowers the variance. `share`: of the variance"
+            "(from the residuals of this run) or `B` (stated); `std`, the standard uncertainty of one "
+            "reading or stated number, with its `unit` and `dof` (null: infinite); all null for the last two "
+            "kinds. `sensitivity`: contribution over `std`, in the unit of the parameter per `unit`, all "
+            "readings together; null where there is no `std`. `contribution`: a standard uncertainty in the "
+            "unit of the parameter, negative where it lowers the variance. `share`: of the variance"
         ),
     ]
     dof: Annotated[float | None, it("effective degrees of freedom; null: infinite")]

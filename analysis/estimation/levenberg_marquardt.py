@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...model.arrays import Index, Matrix
 
 DAMPING, TOLERANCE = 1e-3, 1e-14
-NO_LOWER = "no step lowers the cost"
+NO_LOWER = "the cost is at a minimum to rounding"
 NO_STEP = "no damping gives a step that could be taken"
 NOT_FINITE = "the cost is not finite at the start"
 

@@ -301,7 +301,7 @@ class NullDirection:
     combination: Annotated[
         dict[str, float],
         it(
-            "weights in prior stds, the largest 1, of offsets, targets, a free tool and noise "
+            "weights in prior standard deviations, the largest 1, of offsets, targets, a free tool and noise "
             "factors; parameters with a tolerance take part in those of kind `optima` alone"
         ),
     ]
@@ -310,7 +310,9 @@ class NullDirection:
         it("`optima`: the way to another local optimum that explains the data about as well"),
     ]
     cause: Annotated[Cause, internal]
-    data_std: Annotated[float | None, it("of the unit combination, in prior stds; null if exact")] = None
+    data_std: Annotated[
+        float | None, it("of the unit combination, in prior standard deviations; null if exact")
+    ] = None
     slight: Annotated[tuple[str, ...], internal] = ()
     tried: Annotated[
         Tried | None,

@@ -255,7 +255,7 @@ class Check:
     curve: Annotated[
         tuple[CurvePoint, ...],
         it(
-            "a list of `shots` (2, 3, …, in the plan's order) and `worst_std` (the largest std of an "
+            "a list of `shots` (2, 3, …, in the plan's order) and `worst_std` (the largest u of an "
             "offset with that many measurements, priors included)"
         ),
     ]
@@ -264,11 +264,11 @@ class Check:
         it(
             "the plan with its targets at random positions by their `sigma_mm`: `draws` (how many "
             "positions), `hit` (share of the postures that can be rotated onto them), `worst_std` (of"
-            " each offset, the largest over the positions), `mounts`: also with reflectors, mounts "
+            " each offset, the largest u over the positions), `mounts`: also with reflectors, mounts "
             "and tips at random places on the flange, by their sigma, of 50 mm and 30° where they are"
             " only guessed; null where no target has both `guess_mm` and `sigma_mm` and no such place"
             " is open. With `mounts` every predicted `std` is that at a typical place: the one whose "
-            "std are nearest to the root mean squares over 256"
+            "u are nearest to the root mean squares over 256"
         ),
     ]
     findings: Annotated[tuple[PlanFinding, ...], internal]
@@ -451,7 +451,7 @@ def _shots(plan: Plan, aimed: Aimed, violations: tuple[Violation, ...]) -> Probl
     """
     if not aimed.hit.any():
         raise BadInput(
-            "no posture of the plan can be turned onto its target",
+            "no posture of the plan can be rotated onto its target",
             found=f"the nearest is {aimed.off_mm.min():.0f} mm off",
             remedy="correct the target's guess_mm, the tool or the postures",
             file=plan.path,

@@ -156,7 +156,7 @@ class Comparison:
         it(
             "all offsets together: `chi2`, `dof`, `noise_dof` (degrees of freedom of an estimated noise; null"
             " if known), `p_value`, `p_holm` (the same: there is one), `ratio` (observed over predicted"
-            " scatter, as stds) with `ratio_interval95`; null without covariances"
+            " scatter, as standard deviations) with `ratio_interval95`; null without covariances"
         ),
     ]
     offsets: Annotated[tuple[ComparedOffset, ...], it("each over the runs")]

@@ -52,8 +52,8 @@ class Consistency:
 class Scatter:
     """The std of a run by the scatter of the runs, with the 95 % interval of the true one."""
 
-    std: Annotated[float, it("of a run, by the scatter")]
-    interval95: Annotated[Interval, it("of the true std (χ²)")]
+    std: Annotated[float, it("standard deviation of a run, by the scatter")]
+    interval95: Annotated[Interval, it("of the true standard deviation (χ²)")]
 
 
 @record

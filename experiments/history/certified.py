@@ -83,7 +83,7 @@ class CertifiedOffset(ParameterRow):
 
     expanded: Annotated[float | None, it("U = k u")]
     considered_std: Annotated[
-        float | None, it("u if the arm deviates from the nominal geometry that was assumed")
+        float | None, it("u incl. geometry tolerances, where the geometry was taken as nominal")
     ]
     reason: Annotated[str | None, it("as in the result")]
 

@@ -103,7 +103,7 @@ class ConditionsAlone:
     def in_words(self) -> str:
         """The constraint first without which most would be left; of the others that which removes most."""
         if not self.aimed:
-            return "No posture can be turned onto the target: it is out of reach or out of sight"
+            return "No posture can be rotated onto the target: it is out of reach or out of sight"
         order = sorted(self.removes, key=lambda reason: (-self.without[reason], -self.removes[reason]))
         parts = [
             f"{self.removes[reason]} {reason} ({self.without[reason]} would be left without this condition)"
@@ -111,7 +111,7 @@ class ConditionsAlone:
             if self.removes[reason]
         ]
         return (
-            f"Of {self.aimed} postures turned onto the target, judged by one condition alone: "
+            f"Of {self.aimed} postures rotated onto the target, judged by one condition alone: "
             + ", ".join(parts or ["none is removed"])
         )
 
@@ -187,7 +187,7 @@ def _fit(conditions: Conditions, hit: Mask, removed: Counter[str]) -> Matrix:
     """The joints of the measurements that satisfy everything; `removed` counts the others by their first
     fault."""
     left = hit.copy()
-    removed["cannot be turned onto the target (out of reach or out of sight)"] += int((~hit).sum())
+    removed["cannot be rotated onto the target (out of reach or out of sight)"] += int((~hit).sum())
     for condition, breaks in conditions.in_order():
         rows = np.flatnonzero(left)
         broken = rows[breaks(rows)] if len(rows) else rows

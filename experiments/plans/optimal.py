@@ -247,7 +247,7 @@ class Planner:
         source, share = ("the spot noise", spot) if spot > joint else ("the joint noise", joint)
         needed = int(np.ceil(len(chosen.rows) * variance / tolerance**2))
         return (
-            f"{source} (it makes {share:.0%} of the variance of {worst}, the worst); the std falls with the"
+            f"{source} (it makes {share:.0%} of the variance of {worst}, the worst); u falls with the"
             f" root of the number of measurements, so some {needed} would be needed"
         )
 

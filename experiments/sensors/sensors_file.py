@@ -115,8 +115,8 @@ class PsdBeside(FileModel):
     size_mm: Positive = Field(description="side of the active square, millimetres")
     rate_hz: Positive = Field(description="samples a second that the amplifier takes")
     noise_mm: Positive = Field(
-        description="std of one sample at full light at the centre, as measured with the arm at rest, "
-        "millimetres"
+        description="standard deviation of one sample at full light at the centre, as measured with the arm"
+        " at rest, millimetres"
     )
     markers_mm: Annotated[tuple[Vector, Vector] | None, BeforeValidator(as_tuple)] = Field(
         default=None,

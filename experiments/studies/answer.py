@@ -53,7 +53,7 @@ class NoiseLevel:
 
 @dataclass(frozen=True)
 class Share:
-    """How many of the intervals of `level` hold the truth: the share, with its 95 % binomial interval
+    """How many of the intervals of `level` contain the true value: the share, with its 95 % binomial interval
     (Clopper and Pearson), and whether it agrees with the level."""
 
     level: float
@@ -153,7 +153,7 @@ def accuracy(error: Matrix, std: Matrix) -> ErrorStatistics:
 
 
 def held_share(held: int, of: int, level: float, alarm: float) -> Share:
-    """The share of intervals of `level` that hold the truth.
+    """The share of intervals of `level` that contain the true value.
 
     It agrees unless the p-value of the exact binomial test is below `alarm`.
     """
@@ -169,7 +169,7 @@ def share_interval(held: int, of: int) -> tuple[float, float]:
 
 
 def by_stds(off: Matrix, level: float) -> int:
-    """How many intervals of a level hold the truth; `off` (R,) are the errors in standard uncertainties."""
+    """How many intervals of a level contain the true value; `off` (R,) are the errors in u."""
     return int((np.abs(off) <= normal_half_width(level)).sum())
 
 
@@ -188,7 +188,7 @@ def observed(
     determine the parameter, of the runs `kept` (R,).
 
     Those that are not `judged` have no number. `alarm` is the probability of a false alarm over all. `held`
-    counts the intervals of parameter j in runs of a level that hold the truth (default: estimate ± k u).
+    counts the intervals of parameter j in runs of a level that contain the true value (by default ± k u).
     """
     alarm /= max(sum(judged) * len(levels), 1)
     rows = []
@@ -225,6 +225,6 @@ def worst_share(
     _, name, worst = max(shares, key=lambda entry: entry[0])
     verdict = ("as stated", "not as stated", "not detected", "detected as wrong")[2 * control + (not agrees)]
     return (
-        f"{100 * level:g} % intervals hold the truth in {100 * worst.share:.1f} % at the worst"
+        f"{100 * level:g} % intervals contain the true value in {100 * worst.share:.1f} % at the worst"
         f" ({label(name)}){more}: {verdict}"
     )

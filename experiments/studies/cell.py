@@ -179,7 +179,8 @@ def cell_study(
 ) -> CellStudy:
     """Carry out the whole study.
 
-    It agrees if the intervals of every plan hold the truth as often as stated, and every control is detected.
+    It agrees if the intervals of every plan contain the true value as often as stated, and every control is
+    detected.
     """
     engine.progress("plans", 0.0)
     plans = studied_plans(engine.seed, camera)
@@ -291,9 +292,9 @@ def _headline(runs: int, plans: Sequence[CellPlan]) -> str:
     undetected = [plan.name for plan in controls if plan.agrees]
     longest = max((plan.seconds["total"].max or 0.0 for plan in shown), default=0.0)
     hold = (
-        f"do not hold the truth as often as stated ({listed(short)})"
+        f"do not contain the true value as often as stated ({listed(short)})"
         if short
-        else "hold the truth as often as stated"
+        else "contain the true value as often as stated"
     )
     within = (
         " of the six minutes that the paper allows"

@@ -1,4 +1,4 @@
-"""Do the intervals hold the truth as often as stated? Coverage and simulation-based calibration.
+"""Do the intervals contain the true value as often as stated? Coverage and simulation-based calibration.
 
 Every simulated data set has true parameters of its own, drawn from the priors. It is solved by the likelihood
 fit, by the paper's midpoint fit with its sandwich covariance, and by its posterior. A 95 % interval must hold
@@ -202,7 +202,7 @@ def coverage_study(
                 must.append(estimator.agrees)
     return CoverageStudy(
         study="coverage",
-        title="Do the intervals hold the truth as often as stated?",
+        title="Do the intervals contain the true value as often as stated?",
         headline=_headline(data_sets, all(must), all(detected), findings),
         agrees=all((*must, *detected)),
         settings=CoverageSettings(
@@ -233,7 +233,7 @@ def coverage_study(
 def _headline(data_sets: int, hold: bool, detected: bool, findings: Sequence[str]) -> str:
     parts = [
         f"Over {data_sets} simulated data sets of each plan, the intervals that zerobeam shows"
-        f" {'hold' if hold else 'do not hold'} the truth as often as stated.",
+        f" {'contain' if hold else 'do not contain'} the true value as often as stated.",
         "Every control is detected." if detected else "A control is not detected.",
     ]
     if findings:
@@ -388,7 +388,7 @@ def calibration(items: Sequence[Parameter], ranks: Index, false_alarm: float) ->
         name="posterior",
         control=False,
         agrees=least >= alarm,
-        sentence=f"The ranks of the truth among the draws are {'' if least >= alarm else 'not '}uniform"
+        sentence=f"The ranks of the true value among the draws are {'' if least >= alarm else 'not '}uniform"
         f" (smallest p-value {least:.2g} of {len(rows)})",
         parameters=tuple(rows),
         power=power_sentence(len(ranks), alarm),
@@ -404,7 +404,7 @@ def power(count: int, alarm: float, ratio: float) -> float:
 
 
 def power_sentence(count: int, alarm: float) -> str:
-    return "stds too small by " + ", by ".join(
+    return "u too small by " + ", by ".join(
         f"{1 - ratio:.0%} would be detected with probability {power(count, alarm, ratio):.2f}"
         for ratio in _POWER_RATIOS
     )

@@ -1,6 +1,6 @@
 """Simulated runs of one plan, each with true parameters of its own, and what estimators make of them.
 
-Some estimators are controls, whose intervals must not hold the truth.
+Some estimators are controls, whose intervals must not contain the true value.
 """
 
 from __future__ import annotations

@@ -310,8 +310,8 @@ def geometry_study(
 ) -> GeometryStudy:
     """Carry out the whole study with `count` arms for each plan.
 
-    It agrees if the intervals with estimated geometry and those of the consider analysis hold the truth as
-    often as stated on every plan, and every control is detected.
+    It agrees if the intervals with estimated geometry and those of the consider analysis contain the true
+    value as often as stated on every plan, and every control is detected.
     """
     pieces = [ArmsOfPlan(case, count, engine.seed, candidates) for case in cases]
     answers = engine.each("geometry", GeometryPlan, answer_of, pieces, arms=count, candidates=candidates)
@@ -450,7 +450,7 @@ def _headline(count: int, plans: Sequence[GeometryPlan]) -> str:
     def verdict(name: EstimatorName, words: str) -> str:
         short = [plan.name for plan, estimator in of(name) if not estimator.agrees]
         where = f" ({listed(short)})" if short else ""
-        return f"{words} {'do not hold' if short else 'hold'} the truth as often as stated{where}"
+        return f"{words} {'do not contain' if short else 'contain'} the true value as often as stated{where}"
 
     zs = [row.z for _, one in of("nominal") for row in one.parameters if row.z is not None]
     controls = [f"{one.name} on {plan.name}" for name in _CONTROLS for plan, one in of(name) if one.agrees]

@@ -313,7 +313,8 @@ def table2_study(
             "Whether one noise explains all is tested along the principal axes of the predicted covariance"
             " (likelihood ratio; its p-value from the simulated triples, which follow the linear model). It"
             " is the second statistic that was tried, after one factor for each offset, which does not detect"
-            " stds far below the predicted ones: take its p-value for a hint, not for a proof.",
+            " standard deviations far below the predicted ones: take its p-value as an indication, not as a"
+            " proof.",
             "The joint noise is what differs from one measurement to another. Errors that are the same in all"
             " three runs, of the arm's geometry above all, do not contribute to their scatter.",
         ),
@@ -427,9 +428,9 @@ def _sentence(
     far, needed, predicted = max(needs, key=lambda need: (need[2] or 0.0) / need[0].paper_std)
     if predicted is not None and predicted > far.high:
         text += (
-            f" At {noise.joint_deg:.2g}° this plan predicts a std of {predicted:.2g}° for {label(far.name)},"
-            f" the paper has {far.paper_std:.2g}°: so small a scatter requires postures from which"
-            f" {label(far.name)} is better observable, or a noise of {needed:.2g}°."
+            f" At {noise.joint_deg:.2g}° this plan predicts a standard deviation of {predicted:.2g}° for"
+            f" {label(far.name)}, the paper has {far.paper_std:.2g}°: so small a scatter requires postures"
+            f" from which {label(far.name)} is better observable, or a noise of {needed:.2g}°."
         )
     return text
 

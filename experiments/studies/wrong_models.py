@@ -303,11 +303,12 @@ def _headline(models: Sequence[WrongModel], broken: Sequence[str], unnamed: Sequ
     ]
     if broken:
         parts.append(
-            f"Passes with an offset beyond {LIMIT_U:g} u that do not say so: {listed(list(broken), 12)}."
+            f"Passes with an offset beyond {LIMIT_U:g} u and without a warning: {listed(list(broken), 12)}."
         )
     else:
         parts.append(
-            f"No scenario passes unsaid with an offset beyond {LIMIT_U:g} u in more than 1 % of its arms."
+            "In no scenario do more than 1 % of the arms pass with an offset beyond"
+            f" {LIMIT_U:g} u and without a warning."
         )
     if unnamed:
         parts.append(f"Named wrong too often: {listed(list(unnamed), 8)}.")

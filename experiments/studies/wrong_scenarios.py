@@ -168,7 +168,7 @@ def _of_cell() -> list[Scenario]:
     answer = []
     for mm in (1.0, 2.0, 5.0):
         off = _more("point", np.array([0.0, mm, 0.0]))
-        answer.append(Scenario(f"tool point {mm:g} mm off", tool, off, condition="tool"))
+        answer.append(Scenario(f"TCP {mm:g} mm off", tool, off, condition="tool"))
     for degrees in (0.1, 0.3, 1.0):
         name = f"beam tilted by {degrees:g}° across the axis of J6"
         answer.append(Scenario(name, tool, tilted(0.0, degrees), condition="beam"))
@@ -270,7 +270,7 @@ def _of_spots() -> list[Scenario]:
     spot: Named = ("spot", ())
     return [
         axes("spot axes exchanged", [[0, 1], [1, 0]], spot),
-        axes("spot axes turned by 90°", [[0, -1], [1, 0]], spot),
+        axes("spot axes rotated by 90°", [[0, -1], [1, 0]], spot),
         axes("spot in place of the target", [[-1, 0], [0, -1]], spot),
         axes("first spot axis reversed", [[-1, 0], [0, 1]], spot),
         axes("spots 10 % too large", [[1.1, 0], [0, 1.1]]),

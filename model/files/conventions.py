@@ -62,7 +62,8 @@ class StatedPendant(FileModel):
     pulses_per_deg: _Numbers | None = Field(
         default=None,
         description="for unit: pulse: by how many pulses the values rise where the joint moves by one"
-        " degree (degrees of turn; millimetres where it slides), joint 1 first; negative where they fall",
+        " degree (degrees of rotation; millimetres of a prismatic joint), joint 1 first; negative where they"
+        " fall",
     )
 
     @model_validator(mode="after")

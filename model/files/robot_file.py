@@ -65,7 +65,7 @@ class StatedTransform(FileModel):
 
     xyz_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
     rpy_deg: Vector = Field(
-        default=(0.0, 0.0, 0.0), description="turns about fixed x, then y, then z, degrees"
+        default=(0.0, 0.0, 0.0), description="rotations about fixed x, then y, then z, degrees"
     )
 
     def matrix(self) -> Matrix:
@@ -77,7 +77,7 @@ class StatedJoint(FileModel):
 
     name: Name | None = Field(default=None, description="default: joint1, joint2 and so on")
     kind: Literal["revolute", "prismatic"] = Field(
-        default="revolute", description="turns about, or slides along, its z axis"
+        default="revolute", description="rotates about, or translates along, its z axis"
     )
     a_mm: float = Field(description="link length, millimetres")
     alpha_deg: float = Field(description="link twist, degrees")

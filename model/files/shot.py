@@ -97,7 +97,7 @@ class Shot(FileModel):
     )
     spot_mm: Annotated[tuple[float, float] | None, BeforeValidator(_spot_values)] = Field(
         default=None,
-        description="position of the target's centre as seen from the beam, along b1 and b2, millimetres; "
+        description="position of the target's centre relative to the beam, along b1 and b2, millimetres; "
         "without it: on the beam",
     )
     measured_mm: _Reading | None = Field(

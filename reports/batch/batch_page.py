@@ -78,7 +78,7 @@ def batch_page(done: Batch) -> Page:
             section_of("Outcomes", _outcomes(done), brief=True),
             *_failures(done),
             *_misfits(done),
-            section_of("Odd arms", *_outliers(done)),
+            section_of("Outlying arms", *_outliers(done)),
             section_of(
                 "Uncertainty",
                 Paragraph(
@@ -178,7 +178,10 @@ def _outliers(done: Batch) -> list[Block]:
         )
         for arm in done.outliers[:_MOST_NAMED]
     ]
-    return [Paragraph(explanation), table_of(_caption("Odd offsets", done.outliers), columns, rows, "llllr")]
+    return [
+        Paragraph(explanation),
+        table_of(_caption("Outlying offsets", done.outliers), columns, rows, "llllr"),
+    ]
 
 
 def _largest(done: Batch) -> Table | None:

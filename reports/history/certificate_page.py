@@ -62,7 +62,7 @@ from ..style.blocks import (
 
 SIGNED = ("certificate.json", "certificate.html", "certificate.pdf")
 _NOT_STATED = "not stated"
-_IF_IT_DEVIATES = "U if the arm deviates"
+_IF_IT_DEVIATES = "U, incl. geometry tolerances"
 _MEANING = (
     "A valid signature says that the holder of this key signed exactly these bytes. It does not say that the"
     " measurements are right, nor who the holder is: compare the fingerprint with the one that"
@@ -259,7 +259,7 @@ def _offsets(certificate: Certificate) -> Iterator[Block]:
     )
     if nominal:
         yield Paragraph(
-            "U holds if the arm has its nominal geometry. U if the arm deviates has the same"
+            "U holds if the arm has its nominal geometry. U incl. geometry tolerances has the same"
             f" k and links that deviate by {_tolerances(geometry.considered_tolerance)}."
         )
     if certificate.intervals:

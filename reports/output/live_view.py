@@ -160,10 +160,10 @@ def drawn(now: UnderWay) -> RenderableType:
     grid.add_row("spot off", Text(_steps(now.off_mm)))
     grid.add_row("measurements", Text(f"{now.recorded} recorded, {now.refused} refused, {now.left} to come"))
     grid.add_row("time", Text(_time(now)))
-    grid.add_row("std, ° or mm", _stds(now.std))
+    grid.add_row("u, ° or mm", _stds(now.std))
     worst = _UNKNOWN if now.worst is None else numbers.spread(now.worst)
-    tolerance = "" if now.tolerance is None else f" (wanted {numbers.exact(now.tolerance)})"
-    grid.add_row("worst std", Text(worst + tolerance))
+    tolerance = "" if now.tolerance is None else f" (tolerance {numbers.exact(now.tolerance)})"
+    grid.add_row("largest u", Text(worst + tolerance))
     lines: list[RenderableType] = [grid]
     if not now.consistent:
         measure = "" if now.p_value is None else f" (p {numbers.p_value(now.p_value)})"

@@ -49,7 +49,7 @@ def check_page(check: Check, *, full: bool = False) -> Page:
     off = max(posture.off_mm for posture in check.postures)
     aimed = (
         f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target; the plan is"
-        " judged with the wrist turned onto it."
+        " judged with the wrist rotated onto it."
     )
     blocks = [
         predicted_table(check, (row for row in check.parameters if not row.tolerated)),

@@ -236,7 +236,7 @@ def _about_postures(check: Check, postures: Postures) -> str:
         return "The joints are those of the plan. The instrument reads in every posture."
     off_mm = max(posture.off_mm for posture in check.postures)
     text = (
-        "The joints are those of the aimed postures: the servo turns the arm until the beam hits the target."
+        "The joints are those of the aimed postures: the servo aims the beam at the target."
         if postures.beam
         else "The joints are those at which the target is met."
     )
@@ -267,7 +267,7 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
         tone = "" if postures.reaches[i] else "weak"
         target = clipped(posture.target, 24) + again_words(plan.repeated_by(posture.posture))
         rows.append(row_of(str(posture.posture), target, *joints, off, tone=tone))
-    caption = "Postures, turned onto their targets" if postures.met else "Postures"
+    caption = "Postures, rotated onto their targets" if postures.met else "Postures"
     return table_of(caption, heads, rows, "rlr")
 
 

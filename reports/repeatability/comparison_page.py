@@ -88,7 +88,7 @@ def comparison_page(comparison: Comparison) -> Page:
 
 
 def _means(comparison: Comparison) -> Table:
-    columns = ["offset", "mean", "95 % interval", "std of a run", "its 95 % interval"]
+    columns = ["offset", "mean", "95 % interval", "s of a run", "its 95 % interval"]
     by = {row.mean.by for row in comparison.offsets if row.mean is not None}
     source = "the prediction" if by == {"prediction"} else "the scatter of the runs (Student’s t)"
     caption = f"Mean over the runs, its interval from {source}; standard deviation of a run by the scatter"

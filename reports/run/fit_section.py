@@ -121,8 +121,8 @@ def _power(rows: Sequence[DetectionPower]) -> Table | None:
         "detected in",
         "wrong passes",
         "can hide",
-        "offset off by",
-        "TCP off by",
+        "offset error",
+        "TCP error",
     ]
     shown_rows = [
         row_of(
@@ -138,7 +138,7 @@ def _power(rows: Sequence[DetectionPower]) -> Table | None:
     caption = (
         "What a run like this detects: in how many runs the residuals show it at this size; wrong passes: how"
         f" many pass with an offset wrong by more than {LIMIT_U:g} u, at the worst size; the largest size"
-        " that a pass can hide, and what it does then"
+        " that a pass can hide, and the errors that it makes"
     )
     return table_of(caption, columns, shown_rows) if rows else None
 

@@ -140,7 +140,7 @@ def prior_only(rows: Sequence[ParameterResult]) -> Table | None:
             by_tolerance.setdefault((_kind(row), u), []).append(row)
     if not by_tolerance:
         return None
-    caption = "Prior only, without an estimate: these measurements say no more of them than the tolerances"
+    caption = "Prior only, without an estimate: these measurements add nothing to the tolerances"
     columns = ["what", "tolerance", "parameters"]
     shown = [row_of(kind, u, _by_body(same)) for (kind, u), same in by_tolerance.items()]
     return table_of(caption, columns, shown, "lrl")

@@ -41,7 +41,7 @@ def outlook_blocks(
         return [table_of("", [head, "largest U", "TCP", "time"], cells, "lr")]
     cells = [row_of(one.remedy, *one.U, one.tcp_median, one.tcp_95, one.minutes) for one in words]
     heads = ["", *(joints([name])[0] for name in units), *HEADS]
-    table = table_of(f"{TITLE}: predicted U (k = 2) of each offset", heads, cells, "lr")
+    table = table_of(f"{TITLE}: predicted U (k = 2) of each offset, and error of the TCP", heads, cells, "lr")
     commands = [command for row in shown if (command := plan_command(planned, row)) is not None]
     return [table, *map(Paragraph, outlook_notes(outlook)), *([Commands(commands)] if commands else [])]
 

@@ -186,7 +186,7 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
             "the data determine a number, but the model does not describe the measurements: neither estimate"
             " nor uncertainty can be relied on"
         ),
-        "unidentifiable": "the data say less about it than its prior; it has no estimate",
+        "unidentifiable": "the data add nothing to its prior; it has no estimate",
         "held": "not estimated; the reason is stated below",
     }
     present = set(statuses)

@@ -151,13 +151,13 @@ def _effective_sentence(effective: Effective, result: Result) -> str:
     size = "undetermined" if effective.rho is None else numbers.fixed(effective.rho, 2)
     measure = f"lag-1 correlation {size}, p {numbers.p_value(effective.p_value)}"
     if effective.divisor == 1:
-        return f"Successive residuals of a recording are not correlated beyond chance ({measure})."
+        return f"Successive residuals of a recording are not significantly correlated ({measure})."
     used = "their information is divided by κ"
     if result.misfit is not None and result.geometry.tolerance is None:
         used = "a misfit by nominal geometry is left as it is"
     return (
         f"Successive residuals of a recording are correlated ({measure}):"
-        f" {counted(effective.shots, 'measurement')} say as much as"
+        f" {counted(effective.shots, 'measurement')} are worth"
         f" {numbers.significant(effective.number, 2)} independent ones"
         f" (κ = {numbers.significant(effective.divisor, 2)}); {used}."
     )

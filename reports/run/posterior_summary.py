@@ -70,7 +70,7 @@ def _table(result: Result) -> Table | None:
         return None
     noise = any(row.group == "noise" for row in result.parameters)
     left = {row.name for row in result.parameters if row.tolerated or row.group == "target"}
-    columns = ["name", "mean", "std", "2.5 % to 97.5 %", "ESS bulk, tail", "R-hat"]
+    columns = ["name", "mean", "u", "2.5 % to 97.5 %", "ESS bulk, tail", "R-hat"]
     rows = []
     for row in result.posterior.parameters:
         if row.name in left:
@@ -89,7 +89,8 @@ def _table(result: Result) -> Table | None:
                 _ratio(row.rhat),
             )
         )
-    caption = f"Posterior of offsets{', tool and noise' if noise else ' and tool'}"
+    of = "offsets, tool and noise" if noise else "offsets and tool"
+    caption = f"Posterior of {of}; u: standard deviation of the draws"
     return table_of(caption, columns, rows) if rows else None
 
 

@@ -46,7 +46,7 @@ def _sentence(parameters: Sequence[JudgedParameter], directions: Sequence[NullDi
     assumed = [label(row.name) for row in parameters if row.status == "assumed"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:
-        text = f"{listed(lost)} {be(lost)} {NOT_DETERMINED}. No value is given, since any would be made up."
+        text = f"{listed(lost)} {be(lost)} {NOT_DETERMINED}. No value is given, since the data contain none."
     elif assumed:
         text = f"{listed(assumed)} {be(assumed)} as good as what is assumed of tool and instruments."
     elif directions:
@@ -55,7 +55,7 @@ def _sentence(parameters: Sequence[JudgedParameter], directions: Sequence[NullDi
             " observable."
         )
     else:
-        text = f"Nothing that was asked for: every {what} that was not held is determined by the data."
+        text = f"Nothing: every {what} that was not held is determined by the data."
     return text + (f" {capital(WEAK)}, beyond the tolerance: {listed(weak)}." if weak else "")
 
 

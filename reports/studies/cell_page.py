@@ -64,7 +64,7 @@ def cell_page(answer: CellStudy) -> Page:
         ),
         section_of("Runs and measurements", _runs(plans), *map(_failures, plans)),
         section_of(
-            f"How often the {blocks.percent(level)} intervals hold the truth",
+            f"How often the {blocks.percent(level)} intervals contain the true value",
             FigureBlock("coverage"),
             blocks.parts_table(
                 f"{blocks.SHARES}; bias and root mean square error, next to what was predicted",
@@ -141,7 +141,7 @@ def cell_pictures(answer: CellStudy) -> list[Picture | None]:
     plans, level = answer.plans, answer.settings.level
     # The panel is as wide as the fewest runs require; a plan without any has nothing to draw.
     ended = [plan.runs - plan.failed for plan in plans if plan.runs > plan.failed]
-    title = f"How often the {blocks.percent(level)} intervals hold the truth, with binomial intervals"
+    title = f"How often the {blocks.percent(level)} intervals contain the true value, with binomial intervals"
     shares = shares_picture(plans, [level], min(ended, default=1), "coverage", title) if plans else None
     return [shares, _time_picture(plans, answer.settings.limit_s)]
 

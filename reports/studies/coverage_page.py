@@ -1,4 +1,5 @@
-"""The page of the study `coverage`: do the intervals of each estimator hold the truth as often as stated?"""
+"""The page of the study `coverage`: do the intervals of each estimator contain the true value as often as
+stated?"""
 
 from __future__ import annotations
 
@@ -106,7 +107,7 @@ def _numbers(plan: CoveragePlan, answer: CoverageStudy, number: int) -> list[Sec
     return [
         replace(tables, folded=True),
         section_of(
-            "Ranks of the truth among the draws",
+            "Ranks of the true value among the draws",
             *(
                 Paragraph(
                     f"{clipped(part.name, blocks.LONGEST_NAME)}, power of the test: {sentence(part.power)}."
@@ -126,7 +127,10 @@ def coverage_pictures(answer: CoverageStudy) -> list[Picture | None]:
     drawn: list[Picture | None] = []
     for number, plan in enumerate(answer.plans, start=1):
         # Numbered, since a plan's name may be anything.
-        title, name = f"Plan {clipped(plan.name, 40)}: intervals that hold the truth", f"coverage_{number}"
+        title, name = (
+            f"Plan {clipped(plan.name, 40)}: intervals that contain the true value",
+            f"coverage_{number}",
+        )
         runs = max(1, plan.data_sets)
         drawn.append(shares_picture(plan.estimators, answer.settings.levels, runs, name, title))
         drawn.append(_ranks_picture(plan, answer.settings.draws, f"ranks_{number}"))
@@ -213,8 +217,8 @@ def _shares_alt(parts: Sequence[blocks.Marked], levels: Sequence[float]) -> str:
             f"{clipped(part.name, 40)} ({blocks.standing(part)[1]}): {text or blocks.NOT_DETERMINED}"
         )
     return (
-        "Share of intervals that hold the truth, of each estimator the parameter farthest from each level. "
-        f"{'; '.join(texts)}. The table below it has every blocks.share."
+        "Share of intervals that contain the true value, of each estimator the parameter farthest from each"
+        f" level. {'; '.join(texts)}. The table below it has every share."
     )
 
 
@@ -238,7 +242,7 @@ def _ranks_picture(plan: CoveragePlan, draws: int, name: str) -> Picture | None:
     if not panels:
         return None
     title = (
-        f"Plan {clipped(plan.name, 40)}: how many truths have each rank. Uniform ranks have 99 % of the"
+        f"Plan {clipped(plan.name, 40)}: how many true values have each rank. Uniform ranks have 99 % of the"
         " bins within the grey band (solid: outside it)"
     )
     return curves_picture(
@@ -249,7 +253,7 @@ def _ranks_picture(plan: CoveragePlan, draws: int, name: str) -> Picture | None:
         Scale(),
         wide=_ACROSS,
         panel_height=0.95,
-        across=f"rank of the truth among {draws} draws, from lowest to highest",
+        across=f"rank of the true value among {draws} draws, from lowest to highest",
     )
 
 

@@ -99,7 +99,7 @@ def geometry_page(answer: GeometryStudy) -> Page:
             FigureBlock("z") if _z_picture(plans) else None,
         ),
         section_of(
-            f"How often the {blocks.percent(level)} intervals hold the truth",
+            f"How often the {blocks.percent(level)} intervals contain the true value",
             Paragraph("With the geometry estimated."),
             FigureBlock("coverage"),
         ),
@@ -172,7 +172,9 @@ def geometry_pictures(answer: GeometryStudy) -> list[Picture | None]:
     plans, level = answer.plans, answer.settings.level
     parts = [replace(one, name=plan.name) for plan in plans for one in plan.estimators if one.name == "freed"]
     counts = [share.of for part in parts for row in part.parameters for share in row.shares]
-    title = f"How often the {blocks.percent(level)} intervals hold the truth, with the geometry estimated"
+    title = (
+        f"How often the {blocks.percent(level)} intervals contain the true value, with the geometry estimated"
+    )
     shares = shares_picture(parts, [level], min(counts, default=1), "coverage", title) if parts else None
     return [_uncertainty_picture(plans), _z_picture(plans), shares]
 

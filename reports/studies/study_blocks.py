@@ -1,7 +1,7 @@
-"""Parts of the pages of studies: facts, shares of intervals that hold the truth, errors, verdicts, tables.
+"""Parts of the pages of studies: facts, shares of intervals with the true value, errors, verdicts, tables.
 
-The mark of an estimator (or of a plan) says whether its intervals hold the truth as often as stated; a
-control is wrong on purpose, so that it must fail.
+The mark of an estimator (or of a plan) says whether its intervals contain the true value as often as stated;
+a control is wrong on purpose, so that it must fail.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ _STANDING: dict[tuple[bool, bool], tuple[str, str, str]] = {
     (False, True): (
         "identified",
         "agrees",
-        "the intervals hold the truth as often as stated, within the binomial error",
+        "the intervals contain the true value as often as stated, within the binomial error",
     ),
     (False, False): (
         "weak",
         "does not agree",
-        "the intervals hold the truth more or less often than stated, beyond the binomial error",
+        "the intervals contain the true value more or less often than stated, beyond the binomial error",
     ),
     (True, False): (
         "held",
@@ -270,8 +270,8 @@ def overview(
 
 # ── shares of intervals ───────────────────────────────────────────────────────────────────────
 
-FARTHEST = "Share of intervals that hold the truth, in %: the parameter farthest from"
-SHARES = "Share of intervals that hold the truth, in %, with its 95 % binomial interval"
+FARTHEST = "Share of intervals that contain the true value, in %: the parameter farthest from"
+SHARES = "Share of intervals that contain the true value, in %, with its 95 % binomial interval"
 
 
 def percent(level: float) -> str:

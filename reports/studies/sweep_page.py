@@ -259,8 +259,8 @@ def _how_to_read(study: GridStudy) -> str:
     more = f" {counted(unmet, 'more arm')} that cannot hit the target had been drawn." if unmet else ""
     return (
         f"{meaning} RMSE and bias are those of fits to simulated runs. The share is that of"
-        f" their {blocks.percent(study.settings.level)} intervals that hold the truth, with its 95 % binomial"
-        f" interval; a diamond marks a share or a scatter that contradicts the prediction."
+        f" their {blocks.percent(study.settings.level)} intervals that contain the true value, with its 95 %"
+        f" binomial interval; a diamond marks a share or a scatter that contradicts the prediction."
         f" {blocks.BY_CHANCE}{more}"
     )
 

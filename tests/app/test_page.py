@@ -214,7 +214,7 @@ def test_a_posture_beside_its_target_says_so_at_its_card_and_at_the_picture(addr
         wait(tab, f"{card}.includes('beside the target before aiming') && {card}.includes('without it: u ×')")
         caption = tab.value("document.querySelector('.scene figcaption').textContent")
         assert "mm beside the target" in caption
-        assert "with the wrist turned onto the target first" in caption
+        assert "with the wrist rotated onto the target first" in caption
 
 
 def test_names_and_the_table_have_room_on_a_phone(address: str) -> None:

@@ -115,7 +115,7 @@ def test_the_tables_of_the_page_are_those_of_the_models(tables):
         page = path.read_text(encoding="utf-8")
         assert page.count("<!-- keys ") == page.count("<!-- end -->") > 0
         assert tables.written(page) == page, f"{path.name}: run python docs/file_tables.py"
-    assert "| std of random offsets" in tables.table("cell")
+    assert "| standard deviation of random offsets" in tables.table("cell")
 
 
 WRITTEN = ("plan", "header", "obstacles", "robot")

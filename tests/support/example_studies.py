@@ -137,11 +137,11 @@ def agreeing() -> Json:
 
 
 def disagreeing() -> Json:
-    """The same, but the midpoint fit's intervals of the weak plan hold the truth too seldom."""
+    """The same, but the midpoint fit's intervals of the weak plan contain the true value too seldom."""
     answer, rng = agreeing(), np.random.default_rng(3)
     estimator = answer["plans"][1]["estimators"][1]
     estimator["agrees"] = answer["agrees"] = False
-    estimator["sentence"] = "The 95 % intervals of delta2 hold the truth too seldom."
+    estimator["sentence"] = "The 95 % intervals of delta2 contain the true value too seldom."
     estimator["parameters"][0] = to_json(_row(rng, "delta2", 0.2, 0.16, DATA_SETS, LEVELS))
     answer["headline"] = "The midpoint fit's intervals do not hold what they promise for the plan weak."
     return answer
@@ -168,7 +168,8 @@ def _coverage() -> CoverageStudy:
     for name, words, shots, stds in _PLANS:
         estimators = []
         for kind, about, control, width, spread in _ESTIMATORS:
-            sentence = f"{100 * (2 * norm.cdf(1.96 * width) - 1):.0f} % of its 95 % intervals hold the truth."
+            share = 100 * (2 * norm.cdf(1.96 * width) - 1)
+            sentence = f"{share:.0f} % of its 95 % intervals contain the true value."
             rows = tuple(
                 _row(rng, offset, std * spread, std * spread * width, DATA_SETS, LEVELS, "pseudo" in kind)
                 for offset, std in zip(NAMES, stds, strict=True)
@@ -185,7 +186,7 @@ def _coverage() -> CoverageStudy:
     return CoverageStudy(
         study="coverage",
         title="Do the intervals hold what they promise?",
-        headline="Every interval holds the truth as often as it promises, and both controls fail visibly.",
+        headline="Every interval contains the true value as often as stated, and both controls fail visibly.",
         settings=CoverageSettings(DATA_SETS, 0, LEVELS, DRAWS, BINS, 0.01, posterior),
         plans=tuple(plans),
         notes=NOTE,
@@ -278,7 +279,7 @@ def _cell() -> CellStudy:
     return CellStudy(
         study="cell",
         title="Does the automated cell keep its promises?",
-        headline="The intervals hold the truth as often as they promise, and the control is wrong.",
+        headline="The intervals contain the true value as often as they promise, and the control is wrong.",
         settings=CellSettings(RUNS, 0, 0.95, True, 0.01, 360.0, 0.02),
         plans=tuple(plans),
         notes=NOTE,
@@ -421,7 +422,7 @@ def geometry_study() -> GeometryStudy:
     return GeometryStudy(
         study="geometry",
         title="Do the intervals hold if the arm deviates from nominal geometry?",
-        headline="With the geometry estimated the 95 % intervals hold the truth as often as stated.",
+        headline="With the geometry estimated the 95 % intervals contain the true value as often as stated.",
         settings=GeometrySettings(ARMS, 0, 0.95, 0.01, 1000, 1.0),
         plans=tuple(plans),
         notes=("Gravity and harmonics are neither simulated nor estimated.",),

@@ -79,7 +79,7 @@ def test_every_command_answers_or_refuses_in_one_message(stated: dict[str, Any],
     robot = zerobeam("export", "robot", run, "-o", tmp_path / "no", "--unvalidated")
     assert "every offset is held" in robot.refused()
     assert "no offset to compare" in zerobeam("compare", run, with_geometry).refused()
-    assert "can be turned onto its target" in zerobeam("check", plan).refused()
+    assert "can be rotated onto its target" in zerobeam("check", plan).refused()
     asked = ("--header", header, "--target", "900,0,100", "-o", tmp_path / "no", "--candidates", 10)
     zerobeam("plan", "x", *asked).refused()
     # A PSD that is out of view in most postures is refused before anything moves: here it is not.

@@ -99,11 +99,11 @@ def test_tolerances_of_each_link_are_a_range() -> None:
 def test_an_offset_that_the_tolerances_set_names_its_rival() -> None:
     assert confounded_sentence(STATED, "delta3", 0.92, person) == (
         "92\u00a0% of the variance of J3 (δ3) comes from how far the links may deviate: in these postures"
-        " link 6, a (correlation \u22120.90) looks much like it. Other postures can tell them apart, the same"
+        " the estimate is correlated with link 6, a (\u22120.90). Other postures can separate them, the same"
         " ones again cannot."
     )
     assert (confounded_sentence(STATED, "delta2", 0.92, person) or "").endswith(
-        "no single one of them looks like it."
+        "the estimate is not correlated with any one of them alone."
     )
     # Below a half of the variance there is nothing to explain, and for nominal geometry no share.
     assert confounded_sentence(STATED, "delta3", 0.4, person) is None

@@ -312,7 +312,7 @@ def y_pattern(seed: int, geometry: object) -> Message:
 def test_exact_is_the_first_suspect_of_a_weak_result_too() -> None:
     """Residuals of an ordinary arm that an exact one explains with a p between 0.001 and 0.01."""
     said = y_pattern(11, {})
-    assert "geometry: exact is the first suspect" in (said.cause or "")
+    assert "geometry: exact is the most likely cause" in (said.cause or "")
     assert said.action.text.startswith("Enter nothing yet. Remove geometry: exact from the header")
     assert said.grade == "weak"
 

@@ -48,7 +48,7 @@ def test_remedies_that_gain_nothing_are_not_shown_first() -> None:
 @pytest.mark.parametrize(
     ("required", "text"),
     [
-        (1.0, "out of reach of these remedies"),
+        (1.0, "None of these remedies reaches the required 1\u00a0mm (95 %)"),
         (4.55, "within reach: 12 best postures, 2 again."),
         (3.9, "within reach: 7 better postures, 2 again, and the links entered as well."),
     ],

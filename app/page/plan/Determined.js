@@ -22,7 +22,7 @@ function combination(weights) {
 function kind(direction) {
   if (direction.kind === "exact") return "exact null-space direction: no number of such measurements determines it";
   if (direction.kind === "optima") return "not decided: the way from the best local optimum to another that explains the data as well";
-  if (direction.data_std === null || direction.data_std >= 1) return "not resolvable at this noise level: the data say less than the prior";
+  if (direction.data_std === null || direction.data_std >= 1) return "not resolvable at this noise level: the prior is more precise than the data";
   return `weakly observable: its uncertainty is ${Number(direction.data_std.toPrecision(2))} of the prior`;
 }
 

@@ -87,7 +87,7 @@ export function PlanMessage() {
 }
 
 /** The arm, its targets and obstacles, to be moved. @param {{caption?: string}} props */
-export function PlanScene({ caption = "Postures as the servo will leave them, turned onto their targets." }) {
+export function PlanScene({ caption = "Postures as the servo will leave them, rotated onto their targets." }) {
   const scene = picture.value;
   if (scene === null) return html`<p class="muted centred">${wrong.value ? "Nothing is drawn of a plan that cannot be checked." : "…"}</p>`;
   const still = motion.value !== null;

@@ -33,10 +33,10 @@ effect(() => {
   });
 });
 
-/** How far the chosen posture points beside its target before the wrist is turned onto it, in words; "" where it does not. */
+/** How far the chosen posture points beside its target before the wrist is rotated onto it, in words; "" where it does not. */
 export const aside = computed(() => {
   const i = chosen.value, posture = i === null ? null : answer.value?.postures[i];
-  return posture?.hit && posture.off_mm >= LEAST_OFF_MM ? `As stated, ${postureName(/** @type {number} */ (i))} points ${fixed(posture.off_mm, 1)} mm beside the target. The picture shows it with the wrist turned onto the target first.` : "";
+  return posture?.hit && posture.off_mm >= LEAST_OFF_MM ? `As stated, ${postureName(/** @type {number} */ (i))} points ${fixed(posture.off_mm, 1)} mm beside the target. The picture shows it with the wrist rotated onto the target first.` : "";
 });
 
 /** @param {number} i */

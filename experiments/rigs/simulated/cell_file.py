@@ -243,11 +243,11 @@ class ArmInCell(FileModel):
         description="true offsets by name (delta2), degrees (mm if prismatic), 0 where not named; without it "
         "they are random, from the seed",
     )
-    drawn_deg: Positive = Field(default=1.0, description="std of random offsets, degrees (mm)")
+    drawn_deg: Positive = Field(default=1.0, description="standard deviation of random offsets, degrees (mm)")
     repeatability_deg: EachJoint | None = Field(
         default=None,
-        description="std of the error of a joint, again after each move, degrees (mm); default: "
-        "the plan's noise",
+        description="standard deviation of the error of a joint, again after each move, degrees (mm); "
+        "default: the plan's noise",
     )
     resolution_deg: EachJoint = Field(
         default=0.0002, description="step of the joints' encoders, degrees (mm)"
@@ -290,8 +290,8 @@ class LaserInCell(FileModel):
     drift_deg_min: NumberPair = Field(default=(0.0, 0.0), description="drift of both tilts, degrees a minute")
     wander_mm: NotNegative | None = Field(
         default=None,
-        description="std across the beam of its centre of light, again for each measurement (speckle, air), "
-        "millimetres; default: the plan's spot noise",
+        description="standard deviation across the beam of its centre of light, again for each measurement"
+        " (speckle, air), millimetres; default: the plan's spot noise",
     )
     light: NotNegative = Field(default=1.0, description="power as a share of what the PSD is set up for")
     radius_mm: Positive = Field(default=0.8, description="1/e^2 radius of the spot, millimetres")
@@ -327,7 +327,9 @@ class PsdInCell(FileModel):
         "can be seen, millimetres",
     )
     leds_mm: Positive = Field(default=70.0, description="distance of the two LEDs, along x, millimetres")
-    noise_mm: Positive = Field(default=0.0005, description="std of a sample at full light, millimetres")
+    noise_mm: Positive = Field(
+        default=0.0005, description="standard deviation of a sample at full light, millimetres"
+    )
     resolution_mm: Positive = Field(default=0.0001, description="step of a reading, millimetres")
     nonlinearity: Annotated[float, Field(ge=0, le=0.33)] = Field(
         default=0.003, description="error at the edge, share of the half size"
@@ -358,11 +360,13 @@ class CameraInCell(FileModel):
         default=(0.2, -0.2, 0.3), description="its true rotation from its mount, degrees"
     )
     exposure: Positive = Field(default=1.0, description="exposure, share of the usual")
-    noise_grey: NotNegative = Field(default=1.5, description="std of the reading noise, grey values")
+    noise_grey: NotNegative = Field(
+        default=1.5, description="standard deviation of the reading noise, grey values"
+    )
     ambient_grey: NotNegative = Field(default=12.0, description="background, grey values")
     led_light: Positive = Field(default=4000.0, description="sum of grey values of a LED at 1 m")
     spot_light: Positive = Field(default=5000.0, description="the same of the laser's spot on the PSD")
-    psf_px: Positive = Field(default=1.0, description="std of the image of a point, pixels")
+    psf_px: Positive = Field(default=1.0, description="standard deviation of the image of a point, pixels")
     image_s: NotNegative = Field(default=0.2, description="time that an image takes, seconds")
 
 

@@ -52,8 +52,8 @@ def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
             f" {exact(settings.target.sigma_mm, 'mm')} in each direction about its nominal position, unless"
             " an axis changes them. The random numbers of a case follow from its settings and the seed",
             *_on_geometry(settings),
-            f"A case agrees if the share of {settings.level:.0%} intervals that hold the truth and the"
-            f" scatter are consistent with the prediction, at a false-alarm probability of"
+            f"A case agrees if the share of {settings.level:.0%} intervals that contain the true value and"
+            f" the scatter are consistent with the prediction, at a false-alarm probability of"
             f" {settings.chance:.0%} over the whole study (exact binomial test, chi-squared test,"
             " Bonferroni). Where all offsets are identified the errors must scatter as predicted; where one"
             " is weakly observable the model is not linear along its direction, and they must scatter as the"

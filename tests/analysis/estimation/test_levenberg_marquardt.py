@@ -233,7 +233,7 @@ def test_rows_that_are_not_finished_are_told_beside_those_that_are():
     np.testing.assert_array_equal(result.converged, [False, True])
     np.testing.assert_array_equal(result.iterations, [3, 0])
     assert "3 iterations" in result.reason[0]
-    assert "no step lowers" in result.reason[1]
+    assert "at a minimum" in result.reason[1]
 
 
 def test_the_smallest_gain_worth_a_step():

@@ -134,7 +134,7 @@ def test_no_posture_at_all_can_hit(refused):
     place, _ = Problem.from_plan(plan_of(header(AXIS_LASER), plan.postures[:1])).beams(np.zeros(9))
     own = header(tool, target=(place[0] + [30.0, 0.0, 40.0]).tolist())
     error = refused(check, plan_of(own, np.repeat(plan.postures[:1], 4, axis=0)))
-    assert "no posture of the plan can be turned onto its target" in str(error)
+    assert "no posture of the plan can be rotated onto its target" in str(error)
 
 
 def test_a_joint_turned_beyond_its_limits_is_noted():
@@ -149,7 +149,7 @@ def test_a_joint_turned_beyond_its_limits_is_noted():
     assert outside.any()
     assert len(beyond) == outside.sum()
     i, j = np.argwhere(outside)[0]
-    assert beyond[0].startswith(f"Turned onto the target, joint {j + 1} of posture {i} is at")
+    assert beyond[0].startswith(f"Rotated onto the target, joint {j + 1} of posture {i} is at")
 
 
 def test_no_compiler_is_asked_for(monkeypatch):

@@ -87,7 +87,7 @@ def test_table_2_implies_little_and_says_so(tmp_path: Path) -> None:
     assert "0.52 and 6.3 times" in told
     assert "zerobeam study table2" in told
     # delta2 falls in a line, which one of five offsets does by chance once in 38.
-    assert "A hint of a drift, no more: delta2" in told
+    assert "A possible drift, not significant: delta2" in told
     assert answer["drifting"] == []
     assert answer["odd_run"] is None
 
@@ -347,7 +347,7 @@ def test_the_odd_run_is_found_and_where_there_is_none_none(tmp_path: Path) -> No
     two = compare([paths[0], paths[2]])
     assert (two["verdict"], two["odd_run"]) == ("does not agree", None)
     assert all(row["drift"] is None for row in two["offsets"])
-    assert any("Two runs cannot show a drift" in note for note in two["notes"])
+    assert any("With two runs neither a drift nor an outlier can be tested" in note for note in two["notes"])
 
 
 def test_where_the_others_disagree_as_well_no_one_run_is_odd() -> None:

@@ -67,7 +67,7 @@ def test_the_intervals_hold_what_they_promise(two):
         assert rows["posterior"]["agrees"]
         assert plan["sbc"][0]["agrees"]
     assert answer["agrees"]
-    assert "hold the truth as often as stated" in answer["headline"]
+    assert "contain the true value as often as stated" in answer["headline"]
     assert "Every control is detected" in answer["headline"]
 
 

@@ -193,7 +193,7 @@ def test_an_odd_arm_is_named_and_one_without_a_number_is_not_asked():
     assert Batch(tuple(rows), SETTINGS, {}).outliers == ()
     odd = Batch((*rows, row("odd", 2.0), row("none", None)), SETTINGS, {})
     assert [own.run for own in odd.outliers] == ["odd"]
-    section = next(own for own in batch_page(odd).sections if own.title == "Odd arms")
+    section = next(own for own in batch_page(odd).sections if own.title == "Outlying arms")
     assert "Sodd" in str(section.all)
     assert odd.rows[-1].worst is None
 

@@ -361,7 +361,7 @@ def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
     parts = [f"{factor:#.2g} ({kind})" for kind, factor in factors.by_kind().items()]
     assert len(parts) > 1
     assert f"{within} {', '.join(parts[:-1])} and {parts[-1]}" in shown.words
-    assert "U if the arm deviates" not in shown.words
+    assert "U, incl. geometry tolerances" not in shown.words
     noisy = of_result(tmp_path / "separate", example_results.separate())
     assert [row["name"] for row in to_json(noisy)["assumed"]["noise_factors"]] == [
         "noise.joint",

@@ -91,8 +91,8 @@ def test_at_the_beginning_nothing_is_told() -> None:
     assert line("spot off", BEGIN) == "—"
     assert line("measurements", BEGIN) == "0 recorded, 0 refused, 7 to come"
     assert line("time", BEGIN) == "—, left ?"
-    assert line("std, ° or mm", BEGIN) == "not known yet"
-    assert line("worst std", BEGIN) == "not known yet"
+    assert line("u, ° or mm", BEGIN) == "not known yet"
+    assert line("largest u", BEGIN) == "not known yet"
 
 
 def test_the_shot_its_attempt_and_its_phase() -> None:
@@ -110,15 +110,15 @@ def test_the_last_steps_of_the_spot_and_none_of_the_attempt_before() -> None:
 
 
 def test_what_the_data_cannot_tell_is_not_shown_as_known() -> None:
-    assert line("std, ° or mm", BEGIN, UNTOLD).replace("(", "").replace(")", "").split() == [
+    assert line("u, ° or mm", BEGIN, UNTOLD).replace("(", "").replace(")", "").split() == [
         *("J2", "δ2", "—"),
         *("J3", "δ3", "0.012"),
         *("J4", "δ4", "—"),
     ]
-    assert line("worst std", BEGIN, UNTOLD) == "not known yet"
-    assert line("worst std", BEGIN, TOLD) == "0.074"
-    assert line("worst std", BEGIN, TOLD, UNTOLD) == "not known yet", "an older number is not kept"
-    assert line("worst std", {**BEGIN, "tolerance": 0.05}, TOLD) == "0.074 (wanted 0.05)"
+    assert line("largest u", BEGIN, UNTOLD) == "not known yet"
+    assert line("largest u", BEGIN, TOLD) == "0.074"
+    assert line("largest u", BEGIN, TOLD, UNTOLD) == "not known yet", "an older number is not kept"
+    assert line("largest u", {**BEGIN, "tolerance": 0.05}, TOLD) == "0.074 (tolerance 0.05)"
 
 
 def test_time_left_is_the_mean_of_the_recorded_shots_times_the_postures_left() -> None:

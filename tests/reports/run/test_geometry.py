@@ -34,7 +34,7 @@ def section(result: Result) -> Section:
 
 def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
     heads = [column.text for column in offsets_table(good()).columns]
-    assert heads == ["name", "estimate", "U (k\u00a0=\u00a02)", "status", "U if the arm deviates"]
+    assert heads == ["name", "estimate", "U (k\u00a0=\u00a02)", "status", "U, incl. tolerances"]
     for row in texts_of(offsets_table(good()))[2:]:  # without the head and δ1
         u, considered = (float(row[k].rstrip("°")) for k in (2, 4))
         assert considered > u > 0
@@ -50,7 +50,7 @@ def test_a_misfit_says_nothing_of_what_u_is_worth() -> None:
     """The model is refuted: a number for an arm within tolerances would be a sign of success."""
     assert offsets_worth(misfit()) is None
     assert [column.text for column in offsets_table(misfit()).columns][-1] == "status"
-    assert "if the arm deviates" not in " ".join(strings(report_page(misfit())))
+    assert "incl. tolerances" not in " ".join(strings(report_page(misfit())))
 
 
 def test_with_geometry_stated_the_share_of_the_tolerances_stands_there() -> None:

@@ -77,7 +77,7 @@ def test_the_words_say_that_both_fit_and_that_neither_is_known() -> None:
     )
     assert "psd moves with it. Every beam still meets its target." in text
     assert "A posture that ends it: J1 " in text
-    assert "both ends fit the readings equally; no place here is an estimate" in picture().title
+    assert "both ends fit the readings equally; no position here is an estimate" in picture().title
     page = report_page(x_pattern())
     assert section in page.sections
     assert FigureBlock(NAME) in page.front

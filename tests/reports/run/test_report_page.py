@@ -246,7 +246,7 @@ def test_the_measurement_of_the_most_influence_is_named_and_shown() -> None:
 
 def test_a_robust_fit_names_its_outliers_and_weighs_every_measurement() -> None:
     own = section(outlier(), "Robust fit")
-    assert "Huber’s loss: a normalised residual beyond 2.45 weighs less" in paragraphs(own)
+    assert "Huber’s loss: the weight of a normalised residual r above 2.45 is 2.45/r" in paragraphs(own)
     assert "Outlier: 2 (weight 0.19)." in paragraphs(own)
     assert tables(own) == []  # a misfit: no agreement of estimators is shown
     of_a_pass = replace(outlier().robust, weights=(1.0,) * 7, outliers=())

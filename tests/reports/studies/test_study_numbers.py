@@ -35,7 +35,7 @@ from zerobeam.words.spreadsheet import csv_text
 
 Json = dict[str, Any]
 
-SHARES = "Share of intervals that hold the truth, in %, with its"
+SHARES = "Share of intervals that contain the true value, in %, with its"
 ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std")
 PHASES = ("move", "search", "servo", "settle")
 
@@ -119,7 +119,7 @@ def table2_untruths(view: View, answer: Json) -> list[str]:
 
 def geometry_untruths(view: View, answer: Json) -> list[str]:
     wrong = []
-    tables = tables_of(view, "Share of intervals that hold the truth, in %, with")
+    tables = tables_of(view, "Share of intervals that contain the true value, in %, with")
     for table, plan in zip(tables, answer["plans"], strict=True):
         expected: list[list[float | None]] = []
         for estimator in plan["estimators"]:
@@ -268,7 +268,9 @@ def test_controls_stand_outside_in_the_figure_and_estimators_do_not() -> None:
 
 
 def test_each_estimator_says_in_words_whether_it_agrees() -> None:
-    (overview,) = tables_of(study_page(typed(disagreeing())), "Share of intervals that hold the truth, in %:")
+    (overview,) = tables_of(
+        study_page(typed(disagreeing())), "Share of intervals that contain the true value, in %:"
+    )
     verdicts = [row[1] for row in texts_of(overview) if not row[0].startswith("Plan ")]
     control = "control: fails, as it must"
     fine = ["agrees", "agrees", "agrees", control, control]
@@ -287,7 +289,9 @@ def test_the_overview_names_the_parameter_that_is_farthest_off() -> None:
     answer = agreeing()
     entry = answer["plans"][0]["estimators"][0]["parameters"][3]["coverage"][1]
     entry |= {"share": 0.871, "held": 871}
-    (overview,) = tables_of(study_page(typed(answer)), "Share of intervals that hold the truth, in %:")
+    (overview,) = tables_of(
+        study_page(typed(answer)), "Share of intervals that contain the true value, in %:"
+    )
     row = texts_of(overview)[1]
     assert (row[0], row[3]) == ("likelihood", "J5: 87.1")
 
@@ -311,13 +315,17 @@ def test_where_nothing_is_determined_no_number_is_printed() -> None:
     for row in answer["plans"][2]["estimators"][0]["parameters"]:
         row |= dict.fromkeys(ERRORS) | {"status": "unidentifiable", "coverage": []}
     lines = printed(answer).splitlines()
-    rows = texts_of(tables_of(study_page(typed(answer)), "Share of intervals that hold the truth, in %:")[0])
+    rows = texts_of(
+        tables_of(study_page(typed(answer)), "Share of intervals that contain the true value, in %:")[0]
+    )
     assert [row[2:] for row in rows if row[0] == "likelihood"][-1] == [NOT_DETERMINED] * 4
     assert "not determined: J2 (δ2), J3 (δ3), J4 (δ4), J5 (δ5) and J6 (δ6)" in lines
 
 
 def test_a_run_beyond_the_limit_and_a_plan_without_a_result_are_said() -> None:
-    (table,) = tables_of(study_page(typed(hostile_cell())), "Share of intervals that hold the truth, in %: ")
+    (table,) = tables_of(
+        study_page(typed(hostile_cell())), "Share of intervals that contain the true value, in %: "
+    )
     rows = texts_of(table)
     assert rows[0][1:] == ["does not agree", NOT_DETERMINED, "not given", "not given", "not given"]
     assert rows[1][-2:] == ["402\u00a0s", "exceeded"]

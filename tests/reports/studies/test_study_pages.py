@@ -241,7 +241,7 @@ def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
         part["parameters"] = [row for row in part["parameters"] if row["status"] == "unidentifiable"]
     answer = typed(content)
     view, study = study_page(answer), study_of(answer)
-    starts = ("Share of intervals that hold the truth, in %, with", "Bias and root", "Plan ")
+    starts = ("Share of intervals that contain the true value, in %, with", "Bias and root", "Plan ")
     rows = [row for start in starts for one in tables_of(view, start) for row in texts_of(one)]
     rows = [row for row in rows if row[0].startswith("J")]
     assert len(rows) == {"agreeing": 6, "geometry": 2}.get(name, 1)
