@@ -160,6 +160,11 @@ class Maker:
         return "programs" if self.vendor in POSITIONS else "model"
 
 
+def folder_of(vendor: Vendor | None) -> Path:
+    """The folder of a maker, with its templates; None: that of formats for robots of any."""
+    return Path(__file__).parent / (vendor or "generic").replace("-", "_")
+
+
 @cache
 def makers() -> tuple[Maker, ...]:
     """All that have a folder here."""

@@ -163,6 +163,7 @@ def filled(
     )
     environment.filters |= {
         "ascii": ascii,
+        "degrees": math.degrees,
         "number": _number,
         "numbers": _numbers,
         "quote": quote,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...model.errors import BadInput
-from .maker import require_vendor
+from .maker import folder_of, require_vendor
 
 if TYPE_CHECKING:
     from ...model.files.plan import Plan
@@ -99,13 +99,9 @@ class ProgramTemplate:
             self.name.require(file)
         tool = motion.tool if self.tool is None else self.tool.of(motion.tool)
         values = {**context_of(plan, motion, file.stem, tool, note), **self.more(plan, motion)}
-        texts = filled(self._folder / self.template, values, self.quote, self.escape)
+        texts = filled(folder_of(self.vendor) / self.template, values, self.quote, self.escape)
         paths = [file.with_suffix(each) if each[0] == "." else file.with_name(each) for each in self.files]
         return {
             path: text.replace("\n", self.newline)
             for path, text in zip([file, *paths[1:]], texts, strict=True)
         }
-
-    @property
-    def _folder(self) -> Path:
-        return Path(__file__).parent / (self.vendor or "generic").replace("-", "_")

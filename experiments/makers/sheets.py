@@ -7,23 +7,18 @@ offset.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
-from ...model.kinematics.pendant import Pendant
+from ...model.files.robot_file import Vendor
+from ...model.kinematics.pendant import Pendant, require_link_encoder
+from ...model.kinematics.robot import Robot
 from .calibration import NO_ROBOT, RobotCalibration
-from .maker import one_line
-
-_CAUTION = (
-    "CAUTION. The controller keeps no history: WRITE THE PRESENT VALUES DOWN FIRST, and make a backup. The",
-    "change moves every taught position, and cannot be undone there without the old values. Do it once: a",
-    "second time the offsets would be applied twice. Drive slowly afterwards, and verify:",
-    "zerobeam plan verify RUN -o PLAN.",
-)
-
+from .maker import folder_of, require_vendor
+from .plan_programs import filled
 
 _MOST = 10.0  # deg: no offset of a calibrated arm is as large
 # Of the angle of a wrist's joint, by how much its motor moves each joint behind it, at most: KUKA $COUP_COMP
@@ -31,33 +26,33 @@ _MOST = 10.0  # deg: no offset of a calibrated arm is as large
 # so a new zero of J4 alone makes J5 read otherwise.
 _DRIVEN = 1 / 85
 _WRIST = 3  # joints before it
-
-
 _ROUNDED = 0.001  # deg, of a display
-_WHY_WITHIN = (
-    "Why within: the motor of each joint of the wrist moves the joints behind it too, by up to 1/85 of its",
-    "angle, and the controller reckons with that from the new zeros.",
-)
 
 
 def sheet_text(
+    robot: Robot,
     calibration: RobotCalibration,
-    about: Sequence[str],
-    table: Sequence[str],
-    pendant: Pendant,
+    vendor: Vendor,
+    pendant: Pendant | None = None,
     *,
     wrist_driven: bool = True,
+    **values: object,
 ) -> str:
-    """The sheet, with what the `pendant` must read once the values are in; BadInput for a prismatic joint,
-    and for an offset that no calibrated arm has. `wrist_driven`: motors of the wrist move the joints behind
-    them, and the values leave that out."""
+    """The sheet of a maker, whose folder has its two blocks, with what the `pendant` must read once the
+    values are in; without one, the encoders must measure between links. `values` are what the blocks take
+    besides. BadInput for a robot of another vendor, a prismatic joint, and for an offset that no calibrated
+    arm has. `wrist_driven`: motors of the wrist move the joints behind them, and the values leave that out.
+    """
+    require_vendor(robot, vendor, "this sheet")
+    if pendant is None:
+        require_link_encoder(robot, "this sheet")
+        pendant = Pendant(robot)
     sliding = [offset.name for offset in calibration.offsets if offset.kind == "prismatic"]
     if sliding:
         raise BadInput("the sheet is for revolute joints", found=f"prismatic: {', '.join(sliding)}")
     changes = pendant.counted(np.array([offset.applied for offset in calibration.offsets]))
-    too_large = [
-        f"{name} {change:+.3f} deg" for name, change in _named(pendant, changes) if abs(change) > _MOST
-    ]
+    named = list(zip(pendant.names, changes.tolist(), strict=True))
+    too_large = [f"{name} {change:+.3f} deg" for name, change in named if abs(change) > _MOST]
     if too_large:
         raise BadInput(
             "the zero of a joint would move by more than an offset of a calibrated arm",
@@ -65,30 +60,25 @@ def sheet_text(
             allowed=f"at most {_MOST:g} deg",
             remedy="compare joint columns, signs and zeros of the run with the pendant",
         )
-    tolerances = [_driven(changes, i) if wrist_driven else 0.0 for i in range(len(changes))]
-    lines = [
-        *calibration.head,
-        "",
-        *_CAUTION,
-        "",
-        *about,
-        "",
-        *([NO_ROBOT] if NO_ROBOT in calibration.warnings else []),
-        *table,
-        "",
-        "Check, before any motion: right after the change, at the same place, the pendant must read more by",
-        *(
-            f"  {name} {change:+.3f} deg" + (f", within {within:.3f} deg" if within else "")
-            for (name, change), within in zip(_named(pendant, changes), tolerances, strict=True)
-            if change or within
-        ),
-        f"(- is less; {_ROUNDED:g} deg more or less is rounding), and all other joints as before. Else put",
-        "the old values back: a sign is wrong, or a value stands at another joint.",
-        *(_WHY_WITHIN if any(tolerances) else ()),
-        "",
-        "done by, on: ______________________",
-    ]
-    return "\n".join(map(one_line, lines)) + "\n"
+    blocks = filled(
+        folder_of(vendor) / "sheet.j2", {"offsets": calibration.offsets, "pendant": pendant, **values}
+    )
+    about, table = (block.splitlines() for block in blocks)
+    (text,) = filled(
+        Path(__file__).with_name("sheet.j2"),
+        {
+            "head": calibration.head,
+            "about": about,
+            "simulated": NO_ROBOT if NO_ROBOT in calibration.warnings else None,
+            "table": table,
+            "changes": [
+                (name, change, _driven(changes, i) if wrist_driven else 0.0)
+                for i, (name, change) in enumerate(named)
+            ],
+            "rounding": _ROUNDED,
+        },
+    )
+    return text
 
 
 def _driven(changes: Matrix, i: int) -> float:
@@ -96,7 +86,3 @@ def _driven(changes: Matrix, i: int) -> float:
     with what the display rounds."""
     before = float(np.abs(changes[_WRIST:i]).sum())
     return _DRIVEN * before + _ROUNDED if before else 0.0
-
-
-def _named(pendant: Pendant, changes: Matrix) -> list[tuple[str, float]]:
-    return list(zip(pendant.names, changes.tolist(), strict=True))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...model.errors import BadInput
+from ...model.parsing.confinement import require_within
 from ...model.parsing.reading import read_bytes
 from ...model.records import read
 from .conversion import POSITIONS_SCHEMA, Conversion, TextEdit, positions_sha256
@@ -14,12 +15,18 @@ from .program_backup import AUDIT, Backup
 
 
 def read_audit(path: Path) -> Conversion:
-    """The audit.json of a conversion, or that in a folder."""
-    path = path / AUDIT if path.is_dir() else path
+    """The audit.json of a conversion. BadInput where it is damaged: what was converted is not known then."""
     try:
         return read(Conversion, read_bytes(path))
     except ValueError as error:
-        raise BadInput("this is no audit of a conversion", found=str(error), file=path) from None
+        raise BadInput(
+            "this is no audit of a conversion, or not all of it",
+            found=str(error),
+            allowed=f"{AUDIT} as positions keep or reach wrote it",
+            remedy="copy it again from where it is whole; without it take the old files from the backup that"
+            " was converted. Move it elsewhere only if no file here was converted",
+            file=path,
+        ) from None
 
 
 def require_not_converted(backup: Backup, *folders: Path) -> None:
@@ -57,22 +64,38 @@ def _audits(*folders: Path) -> Iterator[Path]:
 
 
 def restored(folder: Path) -> dict[str, bytes]:
-    """The old bytes of all files that a conversion wrote to a folder, by their paths.
+    """The old bytes of all files that a conversion wrote to a folder (or that of its audit.json), by their
+    paths.
 
     BadInput where one of them is no longer as it was written.
     """
-    audit, content = read_audit(folder), {}
+    require_within(folder)
+    folder = folder.parent if folder.name == AUDIT and not folder.is_dir() else folder
+    if not (folder / AUDIT).is_file():
+        raise BadInput(
+            "there is no conversion here",
+            found=f"no {AUDIT} in it" if folder.is_dir() else "no such folder",
+            allowed=f"the folder that positions keep or reach wrote, with its {AUDIT}",
+            remedy="name that folder, not the backup; or take the old files from the backup",
+            file=folder,
+        )
+    audit, content = read_audit(folder / AUDIT), {}
     for one in audit.files:
-        new = read_bytes(folder / one.file)
+        new = read_bytes(folder / one.file) if (folder / one.file).is_file() else b""
         if hashlib.sha256(new).hexdigest() != one.new_sha256:
             raise BadInput(
-                "the file was changed after the conversion, so that the old one does not follow from it",
+                "the file was changed after the conversion, or is missing: the old one does not follow",
                 remedy="take it from the backup that was converted",
                 file=folder / one.file,
             )
         old = _undone(new, one.edits)
         if hashlib.sha256(old).hexdigest() != one.sha256:
-            raise BadInput("the audit does not give the old file", file=folder / AUDIT)
+            raise BadInput(
+                "the audit does not give the old file",
+                found=one.file,
+                remedy="take it from the backup that was converted",
+                file=folder / AUDIT,
+            )
         content[one.file] = old
     return content
 

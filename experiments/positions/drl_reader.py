@@ -26,6 +26,7 @@ class DrlProgram(Script):
     """A program of DRL."""
 
     literal = re.compile(rf"(?:(?P<kind>pos[jx])\s*)?[\[(]\s*[\[(]?\s*(?P<numbers>{_LIST})[\])]?\s*[\])]")
+    begin = re.compile(r"pos[jx]\s*[\[(]")
     assign = re.compile(
         r"(?P<name>[A-Za-z_]\w*)(?P<index>(?:\s*\[[^\]]*\])*)\s*[-+*/]?=(?!=)\s*(?P<value>.*)", re.DOTALL
     )

@@ -49,6 +49,7 @@ class PacProgram(Script):
     """A Sub or PROGRAM, with the names of its file."""
 
     literal = re.compile(rf"(?P<kind>[PJT])?\s*\(\s*(?P<numbers>{_LIST})\s*\)", _I)
+    begin = re.compile(r"[PJT]\s*\(", _I)
     assign = re.compile(
         r"(?:Let\w*[ \t]+)?(?P<name>[PJ]\s*\[[^\]]*\]|[A-Z_]\w*)(?P<index>(?:\([^()]*\))?)\s*="
         r"\s*(?P<value>.*)",

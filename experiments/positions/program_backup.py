@@ -42,6 +42,12 @@ def read_backup(path: Path, vendor: str | None = None) -> Backup:
     BadInput where there is nothing to read, or where it may be of several languages.
     """
     require_within(path)
+    if not path.exists():
+        raise BadInput(
+            "there is no such file or folder",
+            remedy="name a program, or the folder or zip of a backup",
+            file=path,
+        )
     if path.is_dir() or path.suffix.lower() == ".zip":
         content = _folder(path) if path.is_dir() else _archive(path)
         chosen = tuple(content)
@@ -90,7 +96,13 @@ def _folder(folder: Path, *, deep: bool = True) -> dict[str, bytes]:
         and path.stat().st_size <= LARGEST
     ]
     if len(paths) > _MOST_FILES:
-        raise BadInput("the folder has too many files", found=len(paths), allowed=_MOST_FILES, file=folder)
+        raise BadInput(
+            "the folder has too many files",
+            found=len(paths),
+            allowed=_MOST_FILES,
+            remedy="name a folder with the programs alone",
+            file=folder,
+        )
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
@@ -110,6 +122,7 @@ def _archive(path: Path) -> dict[str, bytes]:
                     "the archive is no backup of a controller as it was",
                     found=outside[0] if outside else f"{AUDIT}: it was converted before",
                     allowed="the files of a backup, with their folders",
+                    remedy="name the backup as the controller wrote it",
                     file=path,
                 )
             entries = {
@@ -122,11 +135,19 @@ def _archive(path: Path) -> dict[str, bytes]:
                 or sum(each.file_size for each in entries.values()) > _LARGEST_ARCHIVE
             ):
                 raise BadInput(
-                    "the archive is too large", allowed=f"{_MOST_FILES} files of programs", file=path
+                    "the archive is too large",
+                    allowed=f"{_MOST_FILES} files of programs",
+                    remedy="name a folder with the programs alone",
+                    file=path,
                 )
             return {name: archive.read(each) for name, each in entries.items()}
     except (BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError) as error:
-        raise BadInput("the archive cannot be read", found=str(error), file=path) from None
+        raise BadInput(
+            "the archive cannot be read",
+            found=str(error),
+            remedy="make the archive again, without a password; or name the folder of its files",
+            file=path,
+        ) from None
 
 
 def _ending(name: str) -> str:
@@ -169,6 +190,8 @@ def _language_of(path: Path, content: dict[str, bytes], vendor: str | None) -> P
         found=", ".join(language.name for language in fitting)
         or f"{len(content)} files with endings that are read",
         allowed=about,
-        remedy="name the folder of one controller" if fitting else None,
+        remedy="name the folder of one controller"
+        if fitting
+        else "save the programs at the controller as text, and name their folder",
         file=path,
     )

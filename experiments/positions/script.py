@@ -5,18 +5,28 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from .position import Active, BackupReading, SourceFile, What, arguments_of, numbers_in, split_arguments
+from .position import (
+    NUMBER,
+    Active,
+    BackupReading,
+    SourceFile,
+    What,
+    arguments_of,
+    numbers_in,
+    split_arguments,
+)
 from .position_names import PositionNames
 
 Arguments = list[tuple[int, str]]  # each with its place
 
 
 class Script:
-    """One program. A language has the patterns: `literal` has the group `numbers`, `assign` `name`, `index`
-    and `value`, `move` ends where its arguments begin, `refused` are words that set tools or frames. `kinds`
-    say whether motions take a name as joints."""
+    """One program. A language has the patterns: `literal` has the group `numbers`, `begin` is how one begins
+    that says what it is, `assign` has `name`, `index` and `value`, `move` ends where its arguments begin,
+    `refused` are words that set tools or frames. `kinds` say whether motions take a name as joints."""
 
     literal: re.Pattern[str]
+    begin = re.compile(r"(?!)")
     assign: re.Pattern[str]
     move: re.Pattern[str]
     jump: re.Pattern[str]
@@ -69,7 +79,7 @@ class Script:
         ]
         for number, (pos, text) in enumerate(self.lines):
             if len(re.findall(r"[\[({]", text)) != len(re.findall(r"[\])}]", text)):
-                self.reading.refuse(self.file, pos, "a bracket is not closed, or not opened")
+                self.reading.unread(self.file, pos, "a bracket is not closed, or not opened")
             self.active.jumps |= (number > 0 or text[:4] != "def ") and self.jump.match(text) is not None
             for move in self.move.finditer(text):
                 for _, goal in self.goals_of(move, self.arguments(text, move)):
@@ -87,9 +97,10 @@ class Script:
 
     def assigned(self, pos: int, assign: re.Match[str]) -> None:
         """A position, if it is a literal that says what it is, or that a motion takes as what it is."""
-        literal, name = self.literal.fullmatch(assign["value"].strip()), assign["name"]
+        value, name = assign["value"].strip(), assign["name"]
+        literal = self.literal.fullmatch(value)
         if literal is None:
-            return None
+            return self.damaged(pos, value, name)
         joints = self.is_joints(literal)
         kinds = self.kinds.get(self.names.plain(name), set()) if joints is None else {joints}
         if not kinds:
@@ -100,6 +111,15 @@ class Script:
         self.names.store(name, key)
         at = pos + assign.start("value")
         return self.add(at, literal, key, name, joints=kinds == {True}, register=True)
+
+    def damaged(self, pos: int, text: str, label: str) -> None:
+        """A text that begins as a literal and is none: a position that is not understood, unless it is
+        computed, of names."""
+        begin = self.begin.match(text)
+        words = [] if begin is None else re.findall(r"[\w.]+(?:(?<=[eE])[-+]\d+)?", text[begin.end() :])
+        numbers = [word for word in words if not re.match(r"[^\W\d]", word)]
+        if numbers and (numbers == words or not all(re.fullmatch(NUMBER, word) for word in numbers)):
+            self.reading.unread(self.file, pos, f"{label}: this position is not understood", label)
 
     def add(
         self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
@@ -137,6 +157,7 @@ class Script:
             joints = self.joints if joints is None else joints
             self.add(pos, literal, key, f"line {self.file.line(pos)}", joints=joints)
             return [one.name for one in self.reading.positions[-1:] if one.name == key]
+        self.damaged(pos, text, f"line {self.file.line(pos)}")
         return self.names.goals(self.file, pos, text)
 
     def step(

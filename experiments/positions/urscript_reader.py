@@ -34,6 +34,7 @@ class UrProgram(Script):
     """A script."""
 
     literal = re.compile(rf"(?P<kind>p\s*)?\[\s*(?P<numbers>{_LIST})\s*\]")
+    begin = re.compile(r"p\s*\[")
     assign = re.compile(
         r"(?:(?:global|local)\s+)?(?P<name>[A-Za-z_]\w*)(?P<index>(?:\s*\[[^\]]*\])*)\s*=(?!=)\s*(?P<value>.*)",
         re.DOTALL,

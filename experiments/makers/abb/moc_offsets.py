@@ -15,7 +15,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -28,6 +28,7 @@ from ....model.kinematics.pendant import require_link_encoder
 from ....model.parsing.reading import did_you_mean, line_numbers, read_other_text, shown
 from ..calibration import JointOffset, RobotCalibration
 from ..maker import file_of_backup, numbers_of, one_line, require_vendor
+from ..plan_programs import filled
 
 Sign = Literal[1, -1]
 _NUMBERS = "finite numbers separated by commas"
@@ -103,8 +104,9 @@ def moc_text(
     require_vendor(calibration.corrected, "abb", "MOC.cfg")
     require_link_encoder(calibration.corrected, "MOC.cfg")
     _require_turning(calibration)
+    values = {"head": calibration.head, "offsets": calibration.offsets, "gears": gears}
     if against is None:
-        return _table(calibration, gears)
+        return _filled({**values, "changes": None})
     text = read_other_text(against)
     if gears.signs is None:
         raise BadInput(
@@ -126,8 +128,9 @@ def moc_text(
     new = text
     for _, old, change in sorted(changes.values(), key=lambda row: row[1].start, reverse=True):
         new = new[: old.start] + f"{change.value:.6f}" + new[old.end :]
-    head = [*_head(calibration), *_instructions(changes)]
-    return "".join(f"# {line}".rstrip() + "\n" for line in head) + _diff(text, new, one_line(against.name))
+    turned = [motor for motor, (_, _, change) in changes.items() if change.turns]
+    head = _filled({**values, "changes": changes, "turned": turned})
+    return head + _diff(text, new, one_line(against.name))
 
 
 def _require_turning(calibration: RobotCalibration) -> None:
@@ -230,59 +233,10 @@ def _number(text: str, section: str, name: str, key: str) -> _Value:
     return _Value(float(value.group(1)), start + value.start(1), start + value.end(1))
 
 
-def _head(calibration: RobotCalibration) -> list[str]:
-    return [
-        *calibration.head,
-        "",
-        "cal_offset (MOC.cfg, type MOTOR_CALIB) is an angle of the motor's shaft in rad. The joint's",
-        "reading is to rise by the offset:  change of cal_offset = sign * ratio * offset",
-        "  ratio: motor turns for one turn of the joint, negative if they rotate in opposite directions",
-        "  sign: +1 if the reading rises with cal_offset at a positive ratio, -1 if it falls. No public",
-        "  source is known: it is as stated by the person who made this file.",
-    ]
-
-
-def _instructions(changes: dict[str, tuple[JointOffset, _Value, _Change]]) -> list[str]:
-    lines = ["", "Before you apply it: make a backup. Nothing has been changed by writing this file."]
-    for motor, (offset, old, change) in changes.items():
-        turns = f", {change.turns:+d} turn(s) taken off" if change.turns else ""
-        lines.append(f"{motor}: cal_offset {old.number:.6f} -> {change.value:.6f} rad{turns} ({offset.name})")
-    lines += [
-        "",
-        "After the restart, at rest and BEFORE any motion, the readings must have changed by (deg):",
-        *(f"  {motor}: {math.degrees(change.reading):+.4f}" for motor, (_, _, change) in changes.items()),
-        "and by nothing in all other joints. If not, put the backup back: sign, ratio or gear direction is",
-        "not as stated, or gears are coupled (in the wrist of many arms), which is not reckoned with here.",
-    ]
-    turned = [(motor, change) for motor, (offset, _, change) in changes.items() if change.turns]
-    if turned:
-        lines += [
-            "Then, with the arm at its synchronisation marks, update the revolution counters of "
-            + ", ".join(motor for motor, _ in turned)
-            + ":",
-            "cal_offset holds one turn only, and the whole turns taken off are in those counters.",
-        ]
-    return lines
-
-
-def _table(calibration: RobotCalibration, gears: Gears) -> str:
-    """Without the controller's file: by how much, at the joint and, as far as it is stated, at the motor."""
-    lines = [
-        *_head(calibration),
-        "",
-        "joint; offset deg; u deg; offset rad; change of cal_offset, rad at the motor",
-    ]
-    for i, offset in enumerate(calibration.offsets):
-        if not offset.exported:
-            continue
-        at_motor = "unknown: state --ratio and --motor-sign"
-        if gears.ratios is not None and gears.signs is not None:
-            at_motor = f"{gears.signs[i] * gears.ratios[i] * offset.applied_rad:+.6f}"
-        lines.append(
-            f"{i + 1}; {offset.applied:+.6f}; {offset.applied_u:.2g}; {offset.applied_rad:+.9f}; {at_motor}"
-        )
-    lines.append("A cal_offset stays within one turn: take whole turns (2 pi) off, then update the counters.")
-    return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+def _filled(values: Mapping[str, object]) -> str:
+    """What a person must know and do: lines of remarks."""
+    (text,) = filled(Path(__file__).with_name("moc.j2"), values)
+    return text
 
 
 def _diff(old: str, new: str, name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,64 +15,6 @@ from ..calibration import RobotCalibration
 from ..maker import numbers_of, require_vendor
 from ..sheets import sheet_text
 from .backup import FEWEST_PULSES, MOST_PULSES, FanucBackup, read_fanuc_backup
-
-_RELIED_ON: Mapping[J3, list[str]] = {
-    "link": [
-        "Relied on (the robot file: encoder): the encoder of J3 measures the angle between links 2 and 3. So",
-        "the count of J3 changes by the offset of joint 3 alone, whatever the pendant counts J3 from. Check",
-        "it: $MRR_GRP[1].$AXS_COUPLE[3] is -2. Where it is 0, the encoder measures from the ground: stop,",
-        "and state encoder: {joint3: ground}.",
-    ],
-    "ground": [
-        "Relied on (the robot file: encoder): the encoder of J3 measures the direction of link 3, whatever",
-        "J2 does (a parallelogram). Its count changes by the offset of joint 3 less that of joint 2. Check",
-        "it: $MRR_GRP[1].$AXS_COUPLE[3] is 0. Where it is -2, stop, and state encoder: {joint3: link}.",
-    ],
-}
-_OF_BACKUP: Mapping[J3, list[str]] = {
-    "link": [
-        "Its $MRR_GRP[1].$AXS_COUPLE[3] is -2: the encoder of J3 measures the angle between links 2 and 3.",
-        "So the count of J3 changes by the offset of joint 3 alone, whatever the pendant counts J3 from.",
-    ],
-    "ground": [
-        "Its $MRR_GRP[1].$AXS_COUPLE[3] is 0: the encoder of J3 measures the direction of link 3, whatever",
-        "J2 does (a parallelogram). Its count changes by the offset of joint 3 less that of joint 2.",
-    ],
-}
-_UNCOUPLED = [
-    "The motors of the wrist drive the joints behind them too: J4 moves J5 by 0.009 to 0.011 of its angle.",
-    "These counts leave that out, since it is in a backup alone (--backup).",
-]
-_COUPLED = [
-    "The motors of the wrist drive the joints behind them too ($MRR_GRP[1].$INTERACTION): the counts of J5",
-    "and J6 make up for the new zeros of the joints before them.",
-]
-_ON_THE_PENDANT = [
-    "The pendant counts J3 from the ground: at the same place it will read more by the offset of joint 3",
-    "less that of joint 2, since the new zero of J2 is in it.",
-]
-_WITHOUT_COUNTS = [
-    "This sheet states no counts: zerobeam export fanuc --backup FOLDER computes the new ones by SYSMAST.VA",
-    "and SYMOTN.VA of a backup; or state --master-counts, --pulses-per-degree and --mosign.",
-]
-_SAFETY = [
-    "DCS (Dual Check Safety) holds a copy of the mastering: after the change it reports a difference and",
-    "stops the robot until the new data are applied (MENU, SYSTEM, DCS, APPLY, code number; then off and",
-    "on). Afterwards verify its position and speed checks and the safety report, as your safety plan and the",
-    "manual of DCS on your controller say: zones are checked with the new zeros.",
-]
-
-
-_BEFORE = [
-    "Before you enter anything, check the sign of the pulses: jog each joint alone (JOINT) by +10 deg and",
-    "read its pulses before and after (MENU, STATUS, Axis, PULSE). They must change by 10 times its pulses",
-    "per degree, sign included. Where the sign is the other one, stop: the new count would be wrong by twice",
-    "the offset.",
-]
-_AS_MASTERED = [
-    "confirm: $MASTER_ENB is 1, so that MENU, SYSTEM shows Master/Cal.",
-    "$DMR_GRP[1].$MASTER_DONE must be TRUE after the counts are written, and before CALIBRATE.",
-]
 
 
 @dataclass(frozen=True)
@@ -137,51 +79,16 @@ def fanuc_text(
     backup = None if counts is None else counts.backup
     encoder = encoder3_of(robot, "fanuc") if backup is None else _encoder_of(backup, robot)
     offsets = _as_fanuc(calibration, encoder)
-    lines = ["joint  offset deg   new master count"]
-    jogged = (
-        [] if counts is None else [f"J{i} {10 * p:+.0f}" for i, p in enumerate(counts.per_degree, start=1)]
-    )
-    changes = _changes(offsets, backup)
-    for i, (offset, change) in enumerate(zip(offsets, changes, strict=True)):
-        shown = f"{'-':>11}" if offset is None else f"{offset:+11.6f}"
-        if counts is None:
-            new = "as it is"
-            if offset is not None:
-                new = f"old count - ({offset:+.6f} * pulses per degree)"
-        elif change:
-            new = f"{counts.master[i] - round(change * counts.per_degree[i])}   (now {counts.master[i]})"
-        else:
-            new = "as it is"
-        lines.append(f"J{i + 1}   {shown}   {new}")
     return sheet_text(
+        robot,
         calibration,
-        [
-            "Master count sheet for FANUC. The count of a joint is what its encoder has at the true zero:",
-            "$DMR_GRP[1].$MASTER_COUN[i]; the pulses for a degree are $PARAM_GROUP[1].$ENCSCALES[i], and",
-            "they fall where $PARAM_GROUP[1].$MOSIGN[i] is FALSE (negative pulses per degree here).",
-            "Reading = (pulses - count) / pulses per degree, so a count that is smaller by offset * pulses",
-            "per degree makes the joint read more by the offset. 24 public backups of three models agree",
-            "with that to 0.001 deg.",
-            *(
-                _RELIED_ON[encoder]
-                if backup is None
-                else [
-                    f"Counts, pulses and signs are those of a backup of {backup.model}.",
-                    *_OF_BACKUP[encoder],
-                ]
-            ),
-            *(_ON_THE_PENDANT if pendant.ground else ["The pendant counts J3 from link 2."]),
-            *([] if counts is None else _UNCOUPLED if backup is None else _COUPLED),
-            *(_WITHOUT_COUNTS if counts is None else ()),
-            *_BEFORE,
-            *([f"By these pulses: {', '.join(jogged)}."] if jogged else []),
-            *_AS_MASTERED,
-            "Write the new counts, calibrate (MENU, SYSTEM, Master/Cal), turn the controller off and on.",
-            *_SAFETY,
-        ],
-        lines,
+        "fanuc",
         pendant,
         wrist_driven=backup is None,
+        counts=counts,
+        backup=backup,
+        encoder=encoder,
+        rows=list(zip(offsets, _changes(offsets, backup), strict=True)),
     )
 
 

@@ -11,7 +11,6 @@ from ..maker import (
     PlanProgram,
     PointNames,
     Reader,
-    require_vendor,
 )
 from ..program_template import ProgramName, ProgramTemplate, ToolName
 
@@ -20,35 +19,12 @@ if TYPE_CHECKING:
     from ..calibration import RobotCalibration
     from ..import_jobs import Imported, ImportJob, TaughtPoint
 
-_ABOUT = [
-    "Mastering sheet for KUKA (KRC). Master in ascending order, A1 before A2 and so on: the motor of A4",
-    "moves A5 and A6 too, that of A5 moves A6. Two ways, do ONE of them:",
-    "- Re-master: drive the axis to the position in the third column, as the display shows it with",
-    "  the present mastering, and master it there (dial): it then shows the mastering position.",
-    "- Or add the offset to $MAMES of the axis (its position at the mark) and master at the marks as",
-    "  always. The sign is that of the offset: with a larger $MAMES the axis reads more.",
-    "TOOL and BASE that were measured with the old mastering hold its error: measure them again.",
-]
-
 
 def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """KUKA: a sheet for a person, the mastering offsets of the axes. Nothing is applied."""
-    from ....model.kinematics.pendant import Pendant, require_link_encoder
     from ..sheets import sheet_text
 
-    require_vendor(run.robot, "kuka", "this sheet")
-    require_link_encoder(run.robot, "this sheet")
-    table = [
-        "axis   offset deg   master the axis where it reads      $MAMES[] (machine data)",
-        *(
-            f"A{i}   {offset.applied:+11.6f}   mastering position {-offset.applied:+11.6f} deg   old value"
-            f" {offset.applied:+11.6f}"
-            if offset.exported
-            else f"A{i}   {'-':>11}   leave it as it is"
-            for i, offset in enumerate(calibration.offsets, start=1)
-        ),
-    ]
-    return sheet_text(calibration, _ABOUT, table, Pendant(run.robot))
+    return sheet_text(run.robot, calibration, "kuka")
 
 
 def _read_krl(job: "ImportJob", points: PointNames = None) -> "Imported":

@@ -29,32 +29,16 @@ if TYPE_CHECKING:
     from ..generic.layouts import CsvLayout
     from ..import_jobs import Imported, ImportJob
 
-_ABOUT = [
-    "Joint zero procedure for Universal Robots, by the joint calibration of your series' service",
-    "manual. For each joint below: bring it to the position in the column 'drive to', as the",
-    "pendant shows it, and set its zero there. Afterwards the joint is truly at 0 where it shows 0.",
-    "The controller computes with the arm's factory calibration, and so was this run analysed. It describes",
-    "the links and must stay as it is: compare calibration.conf of a backup before and after.",
-]
-
 
 def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
-    from ....model.kinematics.pendant import Pendant, require_link_encoder
     from ..sheets import sheet_text
     from .kinematics import require_factory_arm
 
     require_vendor(run.robot, "universal-robots", "this sheet")
-    require_link_encoder(run.robot, "this sheet")
     require_factory_arm(run.header.robot, run.path.parent)
-    table = ["joint  offset deg   drive to (pendant, deg), set zero there"]
-    for i, offset in enumerate(calibration.offsets, start=1):
-        if offset.exported:
-            table.append(f"J{i}   {offset.applied:+11.6f}   {-offset.applied:+11.6f}")
-        else:
-            table.append(f"J{i}   {'-':>11}   leave it as it is")
     # The motors are in the joints: none moves another one.
-    return sheet_text(calibration, _ABOUT, table, Pendant(run.robot), wrist_driven=False)
+    return sheet_text(run.robot, calibration, "universal-robots", wrist_driven=False)
 
 
 def _calibration(

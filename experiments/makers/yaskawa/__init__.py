@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ..line_format import LineFormat, LineParts
-from ..maker import OffsetFile, require_vendor
+from ..maker import OffsetFile
 from ..program_template import ProgramName, ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
@@ -15,35 +15,13 @@ if TYPE_CHECKING:
     from ..format_options import ProgramMotion
     from ..import_jobs import TaughtPoint
 
-_ABOUT = [
-    "Home position sheet for Yaskawa. At the home position an axis reads 0 pulses.",
-    "Move the axis (joint coordinates) until the pendant shows the reading in the third column: there the",
-    "axis is truly at zero. Register this as its home position, of this axis alone. It then reads 0.",
-    "confirm: main menu ROBOT, HOME POSITION, select the axis, YES to the question; it needs the security",
-    "mode MANAGEMENT. Check names and steps against the maintenance manual of your controller.",
-    "confirm: the controller then wants its second home position (specified point) checked and set again.",
-    "confirm: the absolute data that are shown there are those to write down. This sheet does not say what",
-    "to type in their place: how they count is not published.",
-    "Tools and user frames that were measured with the old home position hold its error: measure them again.",
-]
-
 
 def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """Yaskawa: a sheet for a person, where each axis has its home position. Nothing is applied."""
-    from ....model.kinematics.pendant import Pendant, require_link_encoder
     from ..sheets import sheet_text
 
-    require_vendor(run.robot, "yaskawa", "this sheet")
-    require_link_encoder(run.robot, "this sheet")
-    pendant, pulses = Pendant(run.robot), run.robot.conventions.pulses_per_deg
-    table = ["axis   offset deg   register the home position where it reads"]
-    for i, offset in enumerate(calibration.offsets):
-        reading = f"{-offset.applied:+11.6f} deg"
-        if pulses is not None:
-            reading += f" = {round(-offset.applied * pulses[i]):+d} pulses"
-        row = f"{offset.applied:+11.6f}   {reading}" if offset.exported else f"{'-':>11}   leave it as it is"
-        table.append(f"{pendant.names[i]:4}   {row}")
-    return sheet_text(calibration, _ABOUT, table, pendant)
+    pulses = run.robot.conventions.pulses_per_deg
+    return sheet_text(run.robot, calibration, "yaskawa", pulses=pulses)
 
 
 def _parts() -> LineParts:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -214,6 +215,66 @@ def test_a_changed_file_is_not_restored(tmp_path: Path) -> None:
     (tmp_path / "new" / name).write_bytes((tmp_path / "new" / name).read_bytes() + b" ")
     with pytest.raises(BadInput, match="changed after the conversion"):
         restored(tmp_path / "new")
+
+
+def test_an_audit_restores_by_its_path_too(tmp_path: Path) -> None:
+    backup = TP.made(2)
+    write_conversion(tmp_path / "new", kept(written(backup, tmp_path / "backup"), TP.robot))
+    assert restored(tmp_path / "new" / "audit.json") == restored(tmp_path / "new")
+
+
+def _converted(folder: Path) -> Path:
+    write_conversion(folder / "new", kept(written(TP.made(2), folder / "backup"), TP.robot))
+    return folder / "new"
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def _beside_a_cut_audit(folder: Path) -> None:
+    _cut(_converted(folder) / "audit.json")
+    kept(folder / "backup", TP.robot)
+
+
+def _of_a_cut_audit(folder: Path) -> None:
+    _cut(_converted(folder) / "audit.json")
+    restored(folder / "new")
+
+
+def _of_a_lost_file(folder: Path) -> None:
+    (_converted(folder) / "WORK.LS").unlink()
+    restored(folder / "new")
+
+
+def _of_bad_archive(folder: Path) -> None:
+    (folder / "bad.zip").write_text("no archive")
+    shown_programs(folder / "bad.zip")
+
+
+def _of_nothing(folder: Path) -> None:
+    (folder / "empty").mkdir()
+    shown_programs(folder / "empty")
+
+
+TO_DO: dict[str, tuple[Callable[[Path], object], str, str]] = {
+    "missing": (lambda folder: shown_programs(folder / "no"), "no such file or folder", "zip of a backup"),
+    "empty": (_of_nothing, "nothing in it that is read here", "save the programs at the controller"),
+    "archive": (_of_bad_archive, "archive cannot be read", "make the archive again"),
+    "restore nothing": (lambda folder: restored(folder / "no"), "no conversion here", "name that folder"),
+    "restore a backup": (restored, "no conversion here", "name that folder"),
+    "restore by a cut audit": (_of_a_cut_audit, "no audit of a conversion", "copy it again"),
+    "restore a lost file": (_of_a_lost_file, "or is missing", "the backup that was converted"),
+    "beside a cut audit": (_beside_a_cut_audit, "no audit of a conversion", "Move it elsewhere only if"),
+}
+
+
+@pytest.mark.parametrize("case", TO_DO)
+def test_what_cannot_be_read_says_what_to_do(tmp_path: Path, case: str) -> None:
+    called, what, remedy = TO_DO[case]
+    with pytest.raises(BadInput, match=what) as error:
+        called(tmp_path)
+    assert remedy in str(error.value.remedy)
 
 
 def test_the_backup_of_another_model_is_refused(tmp_path: Path) -> None:
