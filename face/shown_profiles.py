@@ -84,7 +84,7 @@ class Profile(ProfileCurve):
         axes.plot([self.estimate], [0], "+", color=light("ink"), clip_on=False)
         axes.set_ylim(0, float(self.normal[-1] ** 2) * 1.1)
         axes.set_xlabel(_axis(self.name, self.unit))
-        axes.set_ylabel("(distance / u)²")
+        axes.set_ylabel("squared distance from the mode, in u²")
         axes.legend(loc="upper center")
         mark_unvalidated(axes, [self.status])
 

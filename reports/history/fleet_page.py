@@ -205,6 +205,7 @@ def due_picture(rows: Sequence[ArmState], as_of: datetime) -> Picture | None:
         axes.grid(visible=False, axis="x")
         axes.tick_params(axis="x", length=0)
         axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+        axes.set_xlabel("next calibration due")
         axes.set_ylabel("arms")
         axes.margins(y=0.15)
         svg = to_svg(figure, "due")

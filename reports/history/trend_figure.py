@@ -86,6 +86,7 @@ def _drawn(arm: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence
     panels[-1].xaxis.set_major_locator(locator)
     dates = ConciseDateFormatter(locator, show_offset=False)  # type: ignore[no-untyped-call]
     panels[-1].xaxis.set_major_formatter(dates)
+    panels[-1].set_xlabel("date")
     _name_lines(panels[0], arm, events, begin, end)
     _legend(figure, arm)
     return figure

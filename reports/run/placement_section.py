@@ -192,7 +192,7 @@ def placements_picture(result: Result) -> Picture | None:
             color=light("identified"),
             label="residual, rms",
         )
-        axes.set_ylabel("mm")
+        axes.set_ylabel("residual, mm rms")
         axes.set_ylim(bottom=0)
         axes.set_xlim(-0.6, len(rows) - 0.4)
         axes.set_xticks(x, [clipped(in_font(shown(row.placements[0])), 14) for row in rows])

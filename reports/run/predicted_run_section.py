@@ -120,7 +120,7 @@ def predicted_run_picture(result: Result) -> Picture | None:
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.yaxis.set_minor_formatter(lambda value, _: "")
-        axes.set_ylabel("mm")
+        axes.set_ylabel("error, mm")
         axes.set_xlim(-0.7, len(rows) - 0.3)
         if len(rows) <= 60:
             axes.set_xticks(x, [str(row.shot) for row in rows])

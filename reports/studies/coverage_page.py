@@ -254,6 +254,7 @@ def _ranks_picture(plan: CoveragePlan, draws: int, name: str) -> Picture | None:
         wide=_ACROSS,
         panel_height=0.95,
         across=f"rank of the true value among {draws} draws, from lowest to highest",
+        up="true values",
     )
 
 

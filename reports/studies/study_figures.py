@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ROW, _TALLEST, _LETTERS = 0.165, 7.0, 8.5  # inches, inches, points
+_LETTER_WIDTH = 0.06  # inches, of the names of ticks that are written upwards
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,10 +111,13 @@ class Scale:
             axis.set_ticks(self.ticks)
         axis.set_major_formatter(plain)
         if self.names:
-            axis.set_ticks(
-                self.ticks, list(map(in_font, self.names)), rotation=90 if len(self.names) > 4 else 0
-            )
+            axis.set_ticks(self.ticks, list(map(in_font, self.names)), rotation=90 if self.upright else 0)
         return ends
+
+    @property
+    def upright(self) -> bool:
+        """Whether the names are too many to be written side by side."""
+        return len(self.names) > 4
 
 
 @dataclass(frozen=True)
@@ -277,8 +281,11 @@ def curves_picture(
     """Panels of curves, `wide` of them side by side; what `across` and `up` are is said once, and so is each
     curve in the legend, before the other entries."""
     with style():
-        figure = new_figure(0.9 + panel_height * math.ceil(len(panels) / wide))
-        every = figure.subplots(math.ceil(len(panels) / wide), wide, squeeze=False)
+        rows = math.ceil(len(panels) / wide)
+        named_rows = min(rows, 2 if len(panels) % wide else 1) if x.upright else 0
+        names = named_rows * _LETTER_WIDTH * max(map(len, x.names), default=0)
+        figure = new_figure(0.9 + panel_height * rows + names)
+        every = figure.subplots(rows, wide, squeeze=False)
         for k, axes in enumerate(every.flat):
             if k >= len(panels):
                 axes.set_visible(False)
