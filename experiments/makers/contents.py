@@ -1,17 +1,24 @@
-"""Contents of a file that an import can choose from: its form, a table's columns and delimiters."""
+"""Contents of a file that an import can choose from: its form, a table's columns and layout."""
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.files.text_tables import DELIMITERS, TextTable, found_delimiter, number, table_of
+from ...model.files.text_tables import (
+    Layout,
+    TextTable,
+    layout_of,
+    number,
+    plain_rows,
+    table_of,
+    without_remarks,
+)
 from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, require_regular, shown
 from ...model.records import it, record
@@ -24,7 +31,6 @@ from .taught_positions import POSTURE
 
 HEAD = 4 * 10**6  # bytes of a table that are looked at while somebody waits
 _COUNTED = re.compile(r"(.*?)(\d{1,2})(\D*)")
-_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
 @record
@@ -42,22 +48,12 @@ class TableColumn:
     line: int | None
 
 
-@record
-class Layout:
-    """The layout of a table as far as its text shows; `why` has a sentence for each conclusion."""
-
-    header_row: bool
-    delimiter: str
-    decimal: str
-    why: tuple[str, ...]
-
-
 def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
     """The text of a table's first rows, whole lines, and whether that is all of it."""
     require_regular(path)
     size = path.stat().st_size
     if size <= most:
-        return decode_other(read_bytes(path, LARGEST_TABLE), file=path), True
+        return plain_rows(decode_other(read_bytes(path, LARGEST_TABLE), file=path), path), True
     with path.open("rb") as file:
         content = file.read(most)
     whole = content[: content.rfind(b"\n") + 1]
@@ -67,43 +63,16 @@ def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
             found=f"no end of a line in {most // 10**6 or 1} MB",
             file=path,
         )
-    return decode_other(whole, file=path), False
-
-
-def layout_of(text: str) -> Layout:
-    """Delimiter, decimal sign and header row that a text seems to have."""
-    points = found_delimiter(text, ".")
-    cells = _first(text, points, 3)
-    comma = points != "," and any(_COMMA.fullmatch(cell) for row in cells for cell in row)
-    decimal = "," if comma else "."
-    delimiter = found_delimiter(text, decimal)
-    rows = _first(text, delimiter, 1)
-    first = rows[0] if rows else []
-    header = bool(first) and not any(number(cell, decimal) is not None for cell in first)
-    why = [f"delimiter: {DELIMITERS.get(delimiter, delimiter)}, by which the rows have equally many columns"]
-    if comma:
-        why.append("decimal comma: numbers are written with one")
-    why.append(
-        "header row: no cell of the first row is a number"
-        if header
-        else "no header row: the first row holds numbers"
-    )
-    return Layout(header, delimiter, decimal, tuple(why))
-
-
-def layout_stated(layout: Layout, changes: Mapping[str, Any]) -> Layout:
-    """The layout as it is stated, by field, and as it is found where it is not."""
-    return dataclasses.replace(layout, **changes)
+    return plain_rows(decode_other(whole, file=path), path), False
 
 
 def table_with(path: Path, text: str, layout: Layout) -> TextTable:
     """The table of a text; BadInput with the line where it is none."""
-    is_usual = found_delimiter(text, layout.decimal) == layout.delimiter
     return table_of(
         text,
         path,
         header_row=layout.header_row,
-        delimiter=None if is_usual else layout.delimiter,  # found ones may have blanks about them
+        delimiter=layout.delimiter,
         decimal=layout.decimal,
         joints_of=None,
     )
@@ -157,11 +126,6 @@ def _column(table: TextTable, i: int, name: str) -> TableColumn:
         )
         return TableColumn(name, called, None, None, shown(text), line)
     return TableColumn(name, called, float(values.min()), float(values.max()), None, None)
-
-
-def _first(text: str, delimiter: str, count: int) -> Sequence[list[str]]:
-    lines = [line for line in text[:100_000].splitlines() if line.strip()][:count]
-    return [[cell.strip().strip('"') for cell in line.split(delimiter) if cell.strip()] for line in lines]
 
 
 _OURS = re.compile(r"""^[ \t]*\{?[ \t]*["']?schema["']?\s*:\s*["']?zerobeam/(\w[\w-]*)/""", re.MULTILINE)
@@ -267,20 +231,11 @@ def _points(marked: Sequence[tuple[Reader, FormatMark]], text: str, path: Path) 
     return Contents(reader.name, mark.why, count, formats, points=shown)
 
 
-def _without_remarks(text: str) -> tuple[str, bool]:
-    """The text with empty lines for those that begin with //, and whether there are any."""
-    lines = text.splitlines()
-    remarks = [line.lstrip().startswith("//") for line in lines]
-    if not any(remarks):
-        return text, False
-    return "\n".join("" if remark else line for line, remark in zip(lines, remarks, strict=True)), True
-
-
 def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> Contents:
     if not text.strip():
         read_bytes(path)  # says that it is empty
         raise BadInput("the file is empty", file=path)
-    rows, remarks = _without_remarks(text)
+    rows, remarks = without_remarks(text, ("//",))
     layout = stated_layout or layout_of(rows)
     table = table_with(path, rows, layout)
     columns = tuple(columns_of(table))

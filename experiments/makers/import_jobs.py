@@ -8,8 +8,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput, located
 from ...model.files.header import Header, check_header
 from ...model.files.header_file import read_header
-from ...model.files.limits import check_limits, require_joint_count
+from ...model.files.limits import check_limits, require_degrees, require_joint_count
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import (
@@ -44,25 +45,45 @@ class Imported(NamedTuple):
     understood: list[str]
 
 
+Keys = Mapping[str, Sequence[Any] | Matrix | None]
+
+
 @dataclass(frozen=True)
 class FileMeasurements:
     """The K measurements of one file: `noun` is their name in it ('row', 'dwell', 'point').
 
-    `joints` (K, n) are degrees or mm; `lines` (K,) of the file, if it is text; `numbers` (K,) of the
-    measurements; `spots` (K, 2) mm; `times` (K,) s since the start of the recording; `more` (K,) further keys
-    of each measurement, as in a run file.
+    `joints` (K, n) are degrees or mm, joint 3 counted from link 2. `keys` are the other keys of a measurement
+    in a run file ("target", "shot": its number, "spot_mm", …): (K,) values of each, None where one has none;
+    None where all have none.
+    `lines` (K,) of the file, if it is text; `notes` say how it was read.
     """
 
     path: Path
     noun: str
     joints: Matrix
-    targets: Sequence[str | None]
+    keys: Keys
     lines: Sequence[int] | None = None
-    numbers: Sequence[int] | None = None
-    spots: Matrix | None = None
-    times: Matrix | None = None
     notes: Sequence[str] = ()
-    more: Sequence[Mapping[str, object]] = ()
+
+    @cached_property
+    def columns(self) -> dict[str, Sequence[Any]]:
+        """The keys that there are, with plain values."""
+        return {
+            key: values.tolist() if isinstance(values, np.ndarray) else values
+            for key, values in self.keys.items()
+            if values is not None
+        }
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Those that measurements have, in the order in which they first appear."""
+        return target_names(self.columns.get("target", ()))
+
+    def line(self, i: int) -> int | None:
+        return None if self.lines is None else self.lines[i]
+
+    def called(self, i: int) -> str:
+        return f"{self.noun} {self.line(i) or i + 1} of {self.path.name}"
 
 
 # Farther from the planned posture is another posture; as near as this is the plan itself.
@@ -147,14 +168,39 @@ class ImportJob:
             )
         return [name for name, count in zip(names, self.patterns, strict=True) for _ in range(count)]
 
-    def finish(self, parts: Sequence[FileMeasurements], notes: Sequence[str]) -> Imported:
-        """The measurements of all files, numbered through; `notes` says how the files were read."""
+    def measured(
+        self,
+        read: Callable[[Path, str | None], FileMeasurements],
+        notes: Sequence[str | None] = (),
+        *,
+        named: bool = True,
+        in_radians: str | None = None,
+    ) -> Imported:
+        """The measurements of all files, each as `read` (path, target) has them, numbered through.
+
+        `notes` say how all files were read. Unless files are `named` targets are in them. `in_radians` says
+        what to state where angles that are stated to be degrees may be radians. BadInput, with file and line,
+        for what does not fit; nothing is written.
+        """
+        parts = []
+        targets = self.targets() if named else [None] * len(self.paths)
+        with uncollected():
+            for k, (path, target) in enumerate(zip(self.paths, targets, strict=True)):
+                self.progress(f"file {k + 1}/{len(self.paths)}", k / len(self.paths) / 2)
+                with located(path):
+                    parts.append(read(path, target))
+            self.progress(f"{sum(len(part.joints) for part in parts)} measurements", 0.5)
+            if in_radians is not None:
+                joints = np.concatenate([part.joints for part in parts])
+                require_degrees(self.robot, joints, in_radians, file=parts[0].path)
+            return self._finish(parts, [note for note in notes if note])
+
+    def _finish(self, parts: Sequence[FileMeasurements], notes: Sequence[str]) -> Imported:
         robot = self.robot
         parts, wrapped = _within_half_a_turn(parts, robot)
-        notes = [*notes, *wrapped]
         if self.plan is not None:
             parts = [self._planned(part, self.plan, i) for i, part in enumerate(parts)]
-        names = target_names(target for part in parts for target in part.targets)
+        names = target_names(name for part in parts for name in part.targets)
         check_ties(self.header, names, file=self.header_path, line=None)
         shots: list[Shot] = []
         sentences: list[str] = []
@@ -165,13 +211,9 @@ class ImportJob:
             sentences += [f"{part.path}: {_counted(new, part)}", *part.notes]
             shots += new
         _numbered_once(shots)
-        places = [
-            f"{part.noun} {i + 1 if part.lines is None else part.lines[i]} of {part.path.name}"
-            for part in parts
-            for i in range(len(part.joints))
-        ]
+        places = [(part, i) for part in parts for i in range(len(part.joints))]
         of = copies(shots)
-        copied = [copied_rows(of, len(shots), places.__getitem__)] if of else []
+        copied = [copied_rows(of, len(shots), lambda i: places[i][0].called(places[i][1]))] if of else []
         kept = [i for i in range(len(shots)) if i not in of]
         shots = [shots[i] for i in kept]
         joints = np.concatenate([part.joints for part in parts])[kept]
@@ -190,6 +232,7 @@ class ImportJob:
             *([] if self.plan is None else [f"postures and targets by the plan {self.plan.path}"]),
             *sentences,
             *notes,
+            *wrapped,
             *_ranges_told(robot, joints),
             *(f"note: {sentence}" for sentence in remarks),
         ]
@@ -202,38 +245,33 @@ class ImportJob:
 
     def _planned(self, part: FileMeasurements, plan: Plan, file: int) -> FileMeasurements:
         """The measurements of a file as those of the plan's postures: by their numbers, or in their order."""
-        count = len(plan.postures)
-        if part.numbers is None and file:
+        if "shot" not in part.columns and file:
             raise BadInput(
                 "measurements without numbers are in several files",
                 remedy="state one file, in the plan's order; or --header and --target instead of --plan",
                 file=part.path,
             )
-        numbers = list(range(len(part.joints)) if part.numbers is None else part.numbers)
+        numbers = list(part.columns.get("shot", range(len(part.joints))))
         planned = plan.postures * plan.robot.display
         near = np.where(plan.robot.display > 1, _NEAR_DEG, _NEAR_MM)
         for i, (number, row) in enumerate(zip(numbers, part.joints, strict=True)):
-            line = None if part.lines is None else part.lines[i]
-            if number >= count:
-                raise BadInput(
-                    "there are more measurements than the plan has postures",
-                    found=f"measurement {number}",
-                    allowed=f"0 to {count - 1}",
-                    file=part.path,
-                    line=line,
-                )
-            off = np.abs(row - planned[number])
-            if (off > near).any():
+            with located(part.path, part.line(i)):
+                if number >= len(planned):
+                    raise BadInput(
+                        "there are more measurements than the plan has postures",
+                        found=f"measurement {number}",
+                        allowed=f"0 to {len(planned) - 1}",
+                    )
+                off = np.abs(row - planned[number])
                 joint = int(np.argmax(off / near))
-                raise BadInput(
-                    f"measurement {number} is not at the plan's posture {number}",
-                    found=f"joint {joint + 1} is {off[joint]:.1f} {plan.robot.joints[joint].unit} off",
-                    allowed=f"within {near[joint]:g} {plan.robot.joints[joint].unit}",
-                    remedy="import with the plan that was measured; measurements without numbers are in the"
-                    " plan's order, and none may be missing",
-                    file=part.path,
-                    line=line,
-                )
+                if off[joint] > near[joint]:
+                    raise BadInput(
+                        f"measurement {number} is not at the plan's posture {number}",
+                        found=f"joint {joint + 1} is {off[joint]:.1f} {plan.robot.joints[joint].unit} off",
+                        allowed=f"within {near[joint]:g} {plan.robot.joints[joint].unit}",
+                        remedy="import with the plan that was measured; measurements without numbers are in"
+                        " the plan's order, and none may be missing",
+                    )
         if np.abs(part.joints - planned[numbers]).max() < _SAME:
             raise BadInput(
                 "these are the planned postures, not measured ones",
@@ -242,38 +280,25 @@ class ImportJob:
                 remedy="import what the program recorded, not the program; the beam must be centred first",
                 file=part.path,
             )
-        more: Sequence[Mapping[str, object]] = part.more
-        if plan.means:
-            planned_with = [plan.means[number]._asdict() for number in numbers]
-            more = [
-                {**{key: value for key, value in means.items() if value is not None}, **keys}
-                for means, keys in zip(planned_with, part.more or [{}] * len(numbers), strict=True)
-            ]
+        means = [plan.means[number]._asdict() for number in numbers] if plan.means else []
+        planned_with = {name: [one[name] for one in means] for name in (means or [{}])[0]}
         targets = [plan.targets[number] for number in numbers]
-        return replace(part, numbers=numbers, targets=targets, more=more)
+        return replace(part, keys={**planned_with, **part.columns, "shot": numbers, "target": targets})
 
     def _shots(self, part: FileMeasurements, first: int) -> list[Shot]:
         """Times of several files have no common start: only those of a single file are kept."""
-        times = part.times if len(self.paths) == 1 else None
-        columns = {
-            "shot": range(first, first + len(part.joints)) if part.numbers is None else part.numbers,
-            "target": part.targets,
-            "joints_deg": part.joints.tolist(),
-        }
+        columns = {"shot": range(first, first + len(part.joints)), **part.columns}
+        if len(self.paths) > 1:
+            columns.pop("time_s", None)
         name = part.path.name
         if part.lines is not None and name.isprintable() and name == name.lstrip():
             columns["source"] = [f"{name}:{line}" for line in part.lines]
-        if part.spots is not None:
-            columns["spot_mm"] = part.spots.tolist()
-        if times is not None:
-            columns["time_s"] = times.tolist()
+        columns["joints_deg"] = part.joints.tolist()
         shots, rules, model = [], ShotRules(self.header, self.robot), shot_model(self.header)
         for i, row in enumerate(zip(*columns.values(), strict=True)):
-            with located(part.path, None if part.lines is None else part.lines[i]):
-                more = part.more[i] if part.more else {}
-                shot = validate(
-                    model, {**more, **dict(zip(columns, row, strict=True))}, file=None, line=_nowhere
-                )
+            with located(part.path, part.line(i)):
+                content = {key: value for key, value in zip(columns, row, strict=True) if value is not None}
+                shot = validate(model, content, file=None, line=_nowhere)
                 rules.check(shot, file=None, line=None)
             shots.append(shot)
         rules.check_postures(shots, part.lines or [None] * len(shots), file=part.path)
@@ -342,8 +367,8 @@ def matching(path: Path) -> list[Path]:
 
 def _counted(shots: Sequence[Shot], part: FileMeasurements) -> str:
     """'3 measurements of target 'a', numbered 0 to 2'."""
-    names = target_names(part.targets)
-    which = ", ".join(repr(name) for name in names)
+    names = part.targets
+    which = ", ".join(map(repr, names))
     of = f" of target{'s' if len(names) > 1 else ''} {which}" if names else ""
     numbers = [shot.shot for shot in shots]
     return f"{len(shots)} measurements{of}, numbered {min(numbers)} to {max(numbers)}"
@@ -416,32 +441,21 @@ def import_points(
     (`vendor`, if the robot file names none). BadInput for a point without joint values.
     """
     pendant = pendant_of(job.robot, j3, vendor)
-    parts = []
-    for path, target in zip(job.paths, job.targets(), strict=True):
-        with located(path):
-            points = _chosen(parse(read_other_text(path), path), names)
-            rows = [_joints(point, job.robot) for point in points]
-        joints = pendant.between_links(np.array(rows))
-        listed = [f"  points in their order: {', '.join(point.name for point in points)}"]
+
+    def read(path: Path, target: str | None) -> FileMeasurements:
+        points = _chosen(parse(read_other_text(path), path), names)
+        joints = pendant.between_links(np.array([_joints(point, job.robot) for point in points]))
+        notes = [f"  points in their order: {', '.join(point.name for point in points)}"]
         if external := [point.name for point in points if point.external]:
-            listed.append(
+            notes.append(
                 f"  note: external axes are not at 0 in {', '.join(external)}, and are ignored: they must"
                 " carry neither the arm nor the target"
             )
-        lines = [point.line for point in points]
-        numbers = [point.number for point in points if point.number is not None]
-        parts.append(
-            FileMeasurements(
-                path,
-                "point",
-                joints,
-                [target] * len(points),
-                lines=lines,
-                numbers=numbers if len(numbers) == len(points) else None,
-                notes=listed,
-            )
-        )
-    return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
+        numbers = [point.number for point in points]
+        keys = {"target": [target] * len(points), "shot": None if None in numbers else numbers}
+        return FileMeasurements(path, "point", joints, keys, [point.line for point in points], notes)
+
+    return job.measured(read, [note, pendant.counting])
 
 
 def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None) -> list[TaughtPoint]:

@@ -23,7 +23,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, PendantUnit
 from ...model.parsing.reading import read_other_text, shown
-from .import_jobs import FileMeasurements, Imported, ImportJob, without_unused
+from .import_jobs import FileMeasurements, Imported, ImportJob, Keys, without_unused
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = re.compile(
@@ -239,14 +239,11 @@ def import_program_log(job: ImportJob, *, source: str, j3: J3 | None = None) -> 
     `stated`.
     """
     pendant = pendant_of(job.robot, j3)
-    parts = [
-        _logged(path, target, job, pendant) for path, target in zip(job.paths, job.targets(), strict=True)
-    ]
     note = f"{source}: lines of a plan's program, in degrees, joint 1 first"
-    return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
+    return job.measured(lambda path, target: _logged(path, target, job, pendant), [note, pendant.counting])
 
 
-def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMeasurements:
+def _logged(path: Path, target: str | None, job: ImportJob, pendant: Pendant) -> FileMeasurements:
     text = read_other_text(path)
     if writes_log(text):
         raise program_is_no_recording(path)
@@ -279,15 +276,9 @@ def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMe
     if again:
         postures = ", ".join(map(str, dict.fromkeys(again)))
         notes.append(f"  recorded more than once, the last one counts: posture {postures}")
-    return FileMeasurements(
-        path,
-        "line",
-        pendant.between_links(np.array([joints for joints, _ in rows.values()])),
-        [target] * len(rows),
-        lines=[line for _, line in rows.values()],
-        numbers=list(rows),
-        notes=notes,
-    )
+    joints, at = zip(*rows.values(), strict=True)
+    keys: Keys = {"shot": list(rows), "target": [target] * len(rows)}
+    return FileMeasurements(path, "line", pendant.between_links(np.array(joints)), keys, at, notes)
 
 
 def require_same_plan(content: str, job: ImportJob) -> None:

@@ -206,6 +206,21 @@ def like_radians(robot: Robot, joints: Matrix) -> bool:
     return bool(chosen and np.any(values) and np.abs(values).max() <= ONE_TURN)
 
 
+def require_degrees(
+    robot: Robot, joints: Matrix, remedy: str, *, file: Path, line: int | None = None
+) -> None:
+    """BadInput where joint values (N, n) that are stated to be degrees, or mm, may be radians."""
+    if like_radians(robot, joints):
+        raise BadInput(
+            "the angles look like radians, but degrees are stated",
+            found=f"no joint beyond {np.abs(joints).max():.4g}, in {len(joints)} postures",
+            allowed="angles in the stated unit",
+            remedy=remedy,
+            file=file,
+            line=line,
+        )
+
+
 def _perhaps_radians(robot: Robot, joints: Matrix) -> tuple[str, ...]:
     if not like_radians(robot, joints):
         return ()

@@ -27,8 +27,9 @@ from ..parsing.reading import (
     shown,
 )
 from ..parsing.validation import FileModel, Name, Vector, as_tuple, refusal, tuple_of, validate
-from .limits import JointValues, check_limits, like_radians, require_joint_count
-from .text_tables import columns_as_on_pendant, number, table_of
+from .joint_columns import JointColumns
+from .limits import JointValues, check_limits, require_degrees, require_joint_count
+from .text_tables import layout_of, table_of
 
 MOST_POSTURES = 1000
 _OF_A_FILE = ("units", "lengths", "postures_deg")
@@ -169,40 +170,21 @@ class StatedWorkspace(FileModel):
                     allowed=f"workspace.{key}: {values}",
                     file=path,
                 )
-        first = next((row for row in text.splitlines() if row.strip()), "")
-        heads = not any(number(cell.strip()) is not None for cell in _cells(first))
+        heads = layout_of(text, decimal=".").header_row
         pendant = pendant_of(robot)
         table = table_of(
             text, path, header_row=heads, delimiter=None, decimal=".", joints_of=None if heads else robot
         )
-        per = np.where(
-            [joint.kind == "revolute" for joint in robot.joints],
-            1.0 if self.units == "deg" else np.degrees(1.0),
-            1000.0 if self.lengths == "m" else 1.0,
-        )
-        joints = pendant.between_links(table.numbers(columns_as_on_pendant(table, pendant)) * per)
-        if self.units == "deg" and like_radians(robot, joints):
-            raise BadInput(
-                "the angles look like radians, but degrees are stated",
-                found=f"no joint beyond {np.abs(joints).max():.4g}, in {len(joints)} postures",
-                allowed="angles in the stated unit",
-                remedy="state workspace.units: rad; if they are degrees, state the postures as a plan",
-                file=path,
-                line=table.lines[0],
-            )
+        joints = JointColumns(pendant, None, self.units, self.lengths).read(table)
+        if self.units == "deg":
+            remedy = "state workspace.units: rad; if they are degrees, state the postures as a plan"
+            require_degrees(robot, joints, remedy, file=path, line=table.lines[0])
         rows: list[list[float]] = joints.tolist()
         _require_of(robot, rows, table.lines, "row", path, 1)
         return rows
 
 
 CENTRAL_RANGES = StatedWorkspace()
-
-
-def _cells(row: str) -> list[str]:
-    for delimiter in "\t;, ":
-        if delimiter in row.strip():
-            return [cell for cell in row.strip().split(delimiter) if cell.strip()]
-    return [row]
 
 
 def _require_of(

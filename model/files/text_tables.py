@@ -1,4 +1,4 @@
-"""Text files of rows and columns: numbers with their line, columns by name or number, as joints."""
+"""Text files of rows and columns: their layout, numbers with their line, columns by name or number."""
 
 from __future__ import annotations
 
@@ -6,101 +6,91 @@ import csv
 import io
 import itertools
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from ..arrays import Matrix
 from ..errors import BadInput, located
-from ..kinematics.pendant import Pendant
 from ..kinematics.robot import Robot
 from ..parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
+from ..records import record
 
+_Value = TypeVar("_Value")
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _LINES = 50  # of a file, to find its delimiter in
 _LINE_LENGTH = 100_000
+_LIST = re.compile(
+    r"^[^{}\n]*\bj\s*:\s*\{(?P<joints>[^{}\n]*)\}(?:\s*\{(?:\s*EJ)?(?P<external>[^{}\n]*)\})?[^{}\n]*$",
+    re.IGNORECASE | re.MULTILINE,
+)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+# As people call them: those that are looked for, and any other one as it is.
+DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blank"}
 
 
-def columns_of_joints(columns: Sequence[str] | None, robot: Robot) -> Sequence[str] | None:
-    """The columns of joint 1, 2, …, in this order, from a list of them or of `column=joint`.
-
-    A joint is named as in the robot file or on the pendant, or j1, j2, …, or by its number. BadInput for a
-    joint that is not there, is missing or a duplicate.
-    """
-    if columns is None or not any("=" in column for column in columns):
-        return columns
-    names = [joint.name for joint in robot.joints]
-    column_of: dict[int, str] = {}
-    for item in columns:
-        column, sign, joint = (part.strip() for part in item.rpartition("="))
-        index = _joint(joint, robot)
-        if not sign or not column or index is None or index in column_of:
-            raise BadInput(
-                "the joint of a column is not understood" if index not in column_of else "duplicate joint",
-                found=item,
-                allowed=f"COLUMN=JOINT, each joint once: {', '.join(names)}, or j1 to j{robot.n}",
-                remedy=did_you_mean(joint, names),
-            )
-        column_of[index] = column
-    missing = [name for i, name in enumerate(names) if i not in column_of]
-    if missing:
+def check_signs(delimiter: str | None, decimal: str) -> None:
+    """BadInput for a delimiter (None: it is found) or a decimal sign that cannot be one."""
+    if decimal not in (".", ","):
+        raise BadInput("not a decimal sign", found=shown(decimal), allowed=". or ,")
+    if delimiter is None:
+        return
+    if len(delimiter) != 1 or delimiter in '."\r\n+-' or delimiter.isalnum():
+        raise BadInput("not a delimiter", found=shown(delimiter), allowed="one character: , ; or tab")
+    if delimiter == decimal:
         raise BadInput(
-            "a joint has no column",
-            found=", ".join(columns),
-            allowed=f"one column for each of {', '.join(names)}",
-            remedy=f"add COLUMN={missing[0]}",
+            "the decimal comma and the delimiter are the same",
+            found=shown(delimiter),
+            remedy="state the delimiter, such as ;",
         )
-    return [column_of[i] for i in range(robot.n)]
 
 
-def reversed_joints(texts: Sequence[str], robot: Robot) -> list[int]:
-    """Indices of the joints to be reversed; BadInput for one that is not there, or a duplicate."""
-    names = [joint.name for joint in robot.joints]
-    indices: list[int] = []
-    for text in texts:
-        index = _joint(text, robot)
-        if index is None or index in indices:
-            raise BadInput(
-                "the joint to be reversed is not understood" if index is None else "duplicate joint",
-                found=text,
-                allowed=f"each joint once: {', '.join(names)}, or j1 to j{robot.n}",
-                remedy=did_you_mean(text, names),
-            )
-        indices.append(index)
-    return indices
+@record
+class Layout:
+    """The layout of a table, as it is stated or as far as its text shows it; `why` has a sentence for each
+    conclusion."""
+
+    header_row: bool
+    delimiter: str
+    decimal: str
+    why: tuple[str, ...]
 
 
-def _joint(text: str, robot: Robot) -> int | None:
-    for names in ([joint.name for joint in robot.joints], robot.conventions.names or ()):
-        if text in names:
-            return names.index(text)
-    digits = text[1:] if text[:1] in ("j", "J") else text
-    return int(digits) - 1 if digits.isdecimal() and 1 <= int(digits) <= robot.n else None
+def layout_of(
+    text: str, *, header_row: bool | None = None, delimiter: str | None = None, decimal: str | None = None
+) -> Layout:
+    """Delimiter, decimal sign and header row of a table: what is not stated as its text seems to have it."""
+    why = []
+    if decimal is None:
+        sign = delimiter or found_delimiter(text, ".")
+        cells = [cell for row in first_rows(text, sign, 3) for cell in row]
+        decimal = "," if sign != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
+        if decimal == ",":
+            why.append("decimal comma: numbers are written with one")
+    if delimiter is None:
+        delimiter = found_delimiter(text, decimal)
+        name = DELIMITERS.get(delimiter, delimiter)
+        why.insert(0, f"delimiter: {name}, by which the rows have equally many columns")
+    if header_row is None:
+        first = next(iter(first_rows(text, delimiter, 1)), [])
+        header_row = bool(first) and not any(number(cell, decimal) is not None for cell in first)
+        why.append(
+            "header row: no cell of the first row is a number"
+            if header_row
+            else "no header row: the first row holds numbers"
+        )
+    return Layout(header_row, delimiter, decimal, tuple(why))
 
 
-def columns_as_on_pendant(table: TextTable, pendant: Pendant) -> list[int]:
-    """Index of the column of each joint in a table of the joints alone, in the pendant's order; BadInput for
-    a header row that says otherwise."""
-    robot, names = pendant.robot, list(table.names or ())
-    joint_names = [robot.joints[i].name for i in pendant.order]
-    if names and (len(names) != robot.n or (set(names) == set(joint_names) and names != joint_names)):
-        raise not_joints_alone(table, pendant)
-    return [pendant.order.index(i) for i in range(robot.n)]
-
-
-def not_joints_alone(table: TextTable, pendant: Pendant) -> BadInput:
-    """The error about a table of other columns, where none are named."""
-    robot = pendant.robot
-    joint_names = [robot.joints[i].name for i in pendant.order]
-    return BadInput(
-        "the columns are not just the joints in their order",
-        found=", ".join(table.names or ()) or f"{table.width} columns",
-        allowed=f"{robot.n} columns, in the pendant's order ({', '.join(joint_names)})",
-        remedy="name the columns of joint 1, 2, … in this order",
-        file=table.path,
-        line=table.header_line or None,
-    )
+def first_rows(text: str, delimiter: str, count: int) -> list[list[str]]:
+    """The cells, but for empty ones, of the first rows of a text."""
+    lines = [line for line in text[:_LINE_LENGTH].splitlines() if line.strip()][:count]
+    return [[cell.strip().strip('"') for cell in line.split(delimiter) if cell.strip()] for line in lines]
 
 
 def found_delimiter(text: str, decimal: str) -> str:
@@ -120,10 +110,6 @@ def found_delimiter(text: str, decimal: str) -> str:
         if len(widths) == 1 and widths.pop() > 1:
             return delimiter
     return ";" if decimal == "," else ","
-
-
-# As people call them: those that are looked for, and any other one as it is.
-DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blank"}
 
 
 @dataclass(frozen=True)
@@ -174,12 +160,61 @@ class TextTable:
             return np.array([[self._value(i, column) for column in columns] for i in range(len(self.rows))])
         return np.array(parts).T
 
+    def columns(self, names: Sequence[str]) -> Matrix:
+        """(N, names) finite numbers of columns, as `numbers`."""
+        return self.numbers([self.column(name) for name in names])
+
     def numbers_at(self, row: int, columns: Sequence[int]) -> list[float]:
         """Finite numbers of one row, as `numbers`."""
         return [self._value(row, column) for column in columns]
 
     def texts(self, column: int) -> list[str]:
         return [row[column] for row in self.rows]
+
+    def whole_numbers(self, name: str, *, at_end: bool = False) -> list[int]:
+        """The whole numbers of a column; those `at_end` of its texts: 12 of 'p12'."""
+        pattern = re.compile(rf"{'(?:.*[^0-9.,])?' if at_end else ''}([0-9]{{1,9}})")
+        return self._each(
+            name,
+            lambda text: int(pattern.fullmatch(text)[1]),  # type: ignore[index]
+            "a measurement number",
+            "a whole number, or a name that ends with one" if at_end else "whole numbers from 0",
+        )
+
+    def seconds(self, name: str, units: str) -> Matrix:
+        """(N,) s, of a column of numbers in s, ms, us or ns, of ISO 8601 (`iso`) or of dates in a pattern.
+        Times without a zone are counted as if they were of UTC."""
+        if units in PER_SECOND:
+            return np.asarray(self.columns([name])[:, 0] / PER_SECOND[units])
+        if units != "iso" and "%" not in units:
+            raise BadInput(
+                "the unit of the times is not understood",
+                found=units,
+                allowed="s, ms, us, ns, iso, or a pattern such as %m/%d/%Y %H:%M:%S",
+                remedy=did_you_mean(units, [*PER_SECOND, "iso"]),
+            )
+
+        def second(text: str) -> float:
+            time = datetime.fromisoformat(text) if units == "iso" else datetime.strptime(text, units)
+            return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
+
+        return np.array(self._each(name, second, "a time", "ISO 8601" if units == "iso" else units))
+
+    def _each(self, name: str, value: Callable[[str], _Value], what: str, allowed: str) -> list[_Value]:
+        """The value of each text of a column; BadInput with the line of the first that has none."""
+        values = []
+        for line, text in zip(self.lines, self.texts(self.column(name)), strict=True):
+            try:
+                values.append(value(text))
+            except (ValueError, TypeError):
+                raise BadInput(
+                    f"column {name} is not {what} here",
+                    found=shown(text),
+                    allowed=allowed,
+                    file=self.path,
+                    line=line,
+                ) from None
+        return values
 
     def _value(self, row: int, column: int) -> float:
         text = self.rows[row][column]
@@ -225,10 +260,56 @@ def read_table(
 ) -> TextTable:
     """The table of a file; without `delimiter` it is found. Without a header row `joints_of` means: its
     columns are a robot's joints."""
-    text = read_other_text(path, LARGEST_TABLE)
+    text = plain_rows(read_other_text(path, LARGEST_TABLE), path)
     return table_of(
         text, path, header_row=header_row, delimiter=delimiter, decimal=decimal, joints_of=joints_of
     )
+
+
+def read_remarked_table(path: Path, delimiter: str | None, decimal: str) -> tuple[TextTable, list[str]]:
+    """A table and its lines of remarks. The names of columns are in the first row, if no cell of it is a
+    number, or in the last remark before it, if it has as many cells."""
+    text, remarks = without_remarks(plain_rows(read_other_text(path, LARGEST_TABLE), path))
+    layout = layout_of(text, delimiter=delimiter, decimal=decimal)
+    lines, named = text.split("\n"), layout.header_row
+    first = next((i for i, line in enumerate(lines) if line.strip()), 0)
+    above = [i for i in remarks if i < first]
+    if above and not named:
+        # A remark may name fewer columns than there are: dates, and what was added after them.
+        both = first_rows(f"{remarks[above[-1]]}\n{lines[first]}", layout.delimiter, 2)
+        if len(both) == 2 and len(both[0]) == len(both[1]):
+            named = not any(number(cell, decimal) is not None for cell in both[0])
+            lines[above[-1]] = remarks[above[-1]] if named else ""
+    table = table_of(
+        "\n".join(lines), path, header_row=named, delimiter=layout.delimiter, decimal=decimal, joints_of=None
+    )
+    return table, list(remarks.values())
+
+
+def without_remarks(text: str, signs: tuple[str, ...] = ("//", "#")) -> tuple[str, dict[int, str]]:
+    """The text with empty lines for those that begin with one of the `signs`, and these by their index."""
+    lines = text.splitlines()
+    remarks = {i: line.strip() for i, line in enumerate(lines) if line.lstrip().startswith(signs)}
+    rows = "\n".join("" if i in remarks else line for i, line in enumerate(lines))
+    return rows, {i: line.lstrip("/#").strip() for i, line in remarks.items()}
+
+
+def plain_rows(text: str, path: Path) -> str:
+    """Rows of lists `j:{10,20,…}{EJ 0,…}`, as Rokae's programs have them, as plain rows; another text as it
+    is. BadInput where an external axis is not at 0."""
+    if _LIST.search(text[:_LINE_LENGTH]) is None:
+        return text
+    for match in _LIST.finditer(text):
+        if re.search("[1-9]", match["external"] or ""):
+            raise BadInput(
+                "a list of joints has external axes that are not at 0",
+                found=shown(match[0].strip()),
+                allowed="joints alone: external axes may carry the arm or the target",
+                remedy="record with the external axes at 0, and remove the other rows",
+                file=path,
+                line=text.count("\n", 0, match.start()) + 1,
+            )
+    return _LIST.sub(lambda match: match["joints"], text)
 
 
 def table_of(
@@ -242,12 +323,10 @@ def table_of(
 def _table(
     text: str, path: Path, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
 ) -> TextTable:
-    padded = delimiter is None
     delimiter = found_delimiter(text, decimal) if delimiter is None else delimiter
     # Columns that are aligned with blanks have several between them.
-    padded = padded and delimiter == " "
     reader = csv.reader(
-        io.StringIO(text, newline=""), delimiter=delimiter, strict=True, skipinitialspace=padded
+        io.StringIO(text, newline=""), delimiter=delimiter, strict=True, skipinitialspace=delimiter == " "
     )
     rows: list[list[str]] = []
     lines: list[int] = []

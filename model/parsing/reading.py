@@ -47,6 +47,7 @@ LARGEST_RECORDING = 256 * 10**6  # runs and results
 LARGEST_TABLE = 1024 * 10**6  # logs in CSV
 
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+_ZIP = b"PK\3\4"
 _KINDS = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFSOCK: "a socket",
@@ -155,6 +156,14 @@ def decode(content: bytes, *, file: Path, line: int | None) -> str:
                 "the text is UTF-16",
                 allowed="text in UTF-8",
                 remedy="save the file as UTF-8 (Excel: CSV UTF-8)",
+                file=file,
+                line=line,
+            )
+        if content.startswith(_ZIP):
+            raise BadInput(
+                "this is a spreadsheet (.xlsx, .ods) or another archive, not text",
+                allowed="text in UTF-8",
+                remedy="save the table as CSV (Excel: CSV UTF-8)",
                 file=file,
                 line=line,
             )

@@ -10,14 +10,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from ....experiments.makers.contents import (
-    Contents,
-    contents_of,
-    head_of,
-    layout_of,
-    layout_stated,
-)
+from ....experiments.makers.contents import Contents, contents_of, head_of
 from ....model.errors import BadInput
+from ....model.files.text_tables import layout_of
 from ....model.records import read, to_json
 
 PATIENCE_S = 60.0
@@ -64,7 +59,7 @@ def main() -> None:
     path, layout = Path(sys.argv[1]), json.loads(sys.argv[2])
     _limit()
     try:
-        holdings = contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
+        holdings = contents_of(path, layout_of(head_of(path)[0], **layout) if layout else None)
         answer = to_json(holdings)
     except MemoryError:
         error = _too_much(path, f"more than {MOST_MEMORY // 10**9} GB of memory")

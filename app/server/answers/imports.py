@@ -15,15 +15,15 @@ from ....experiments.arm_shown import JointLimits
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import joint_conventions
 from ....experiments.makers.contents import Contents
-from ....experiments.makers.generic.layouts import check_signs
 from ....experiments.makers.known_logs import read_log
 from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
+from ....model.files.joint_columns import JointColumns
 from ....model.files.limits import beyond_limits
 from ....model.files.robot_file import load_robot
-from ....model.files.text_tables import TextTable
+from ....model.files.text_tables import TextTable, check_signs, layout_of
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml
@@ -215,26 +215,28 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
     for i, number in enumerate(request.reversed_joints):
         if not 1 <= number <= robot.n:
             raise _wrong(("reversed_joints", i), "there is no such joint", number, f"1 to {robot.n}")
-    pendant = _at(("j3",), lambda: Pendant(robot, request.j3))
+    stated = JointColumns(
+        _at(("j3",), lambda: Pendant(robot, request.j3)),
+        None,
+        request.units,
+        request.lengths,
+        [str(number) for number in request.reversed_joints],
+    )
     tables, whole = [], True
     for name in request.files:
         path = folder.file(name)
         text, all_of_it = columns_found.head_of(path, max(10**5, columns_found.HEAD // len(request.files)))
         whole = whole and all_of_it
-        layout = columns_found.layout_stated(columns_found.layout_of(text), _layout(request))
-        tables.append(columns_found.table_with(path, text, layout))
+        tables.append(columns_found.table_with(path, text, layout_of(text, **_layout(request))))
     raw = np.concatenate([_raw(table, chosen, robot) for table in tables])
     proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
-    scale = _scale(robot, request)
-    signs = np.ones(robot.n)
-    signs[[number - 1 for number in request.reversed_joints]] = -1
-    recorded = raw * scale  # NaN where the unit is not stated
-    joints = pendant.between_links(recorded * signs)
+    pendant, recorded = stated.pendant, raw * stated.per_unit  # NaN where the unit is not stated
+    joints = stated.joints(raw)
     outside = beyond_limits(robot, joints)
     units = joint_conventions.unit_reading(robot, pendant.between_links(raw))
     lengths = joint_conventions.length_reading(robot, raw)
     sign = [None] * robot.n if pendant.ground else joint_conventions.sign_readings(robot, recorded)
-    j3 = joint_conventions.j3_reading(robot, recorded * signs) if robot.n > 2 else None
+    j3 = joint_conventions.j3_reading(robot, pendant.counted(joints)) if robot.n > 2 else None
     return ColumnsAnswer(
         robot=robot.name,
         rows=len(raw),
@@ -358,13 +360,6 @@ def _raw(table: TextTable, chosen: tuple[str | None, ...] | None, robot: Robot) 
 
 def _numbers(table: TextTable, name: str) -> Matrix:
     return table.numbers([table.column(name)])[:, 0]
-
-
-def _scale(robot: Robot, request: ColumnsRequest) -> Matrix:
-    """(n,) degrees or mm in one unit of the table; NaN where the unit is not stated."""
-    angle = {"deg": 1.0, "rad": float(np.degrees(1.0)), None: np.nan}[request.units]
-    length = {"mm": 1.0, "m": 1000.0, None: np.nan}[request.lengths]
-    return np.array([angle if joint.kind == "revolute" else length for joint in robot.joints])
 
 
 def _range(values: Matrix) -> Ends | None:

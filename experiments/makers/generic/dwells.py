@@ -227,11 +227,13 @@ class JointLog:
     spots: Matrix | None = None
     marks: Sequence[Mark] | None = None
 
-    def shots(self, robot: Robot, still: Stillness, target: str | None) -> FileMeasurements:
+    def measurements(
+        self, robot: Robot, still: Stillness, target: str | None, how: Sequence[str] = ()
+    ) -> FileMeasurements:
         """One measurement for each dwell, or for each marked one; the joints are averaged over it.
 
-        `target` is that of all measurements; without it the markers name it. BadInput without a dwell, for a
-        marker outside all dwells, or if times do not increase.
+        `target` is that of all measurements; without it the markers name it. `how` says how the file was
+        read. BadInput without a dwell, for a marker outside all dwells, or if times do not increase.
         """
         tolerance = still.tolerance(robot)
         with located(self.path):
@@ -251,6 +253,7 @@ class JointLog:
         spots = None if self.spots is None else np.array([self.spots[s.used].mean(axis=0) for s in kept])
         times = np.array([(dwell.start_s + dwell.end_s) / 2 for dwell in kept])
         notes = [
+            *how,
             *_sentences(robot, kept, tolerance),
             *(_rejected(robot, dwell, tolerance) for dwell in drifting),
         ]
@@ -259,7 +262,8 @@ class JointLog:
         if self.marks is not None and len(self.marks) > len(kept):
             again = len(self.marks) - len(kept)
             notes.append(f"  second and later markers in a dwell: {again}; each dwell is one measurement")
-        return FileMeasurements(self.path, "dwell", joints, targets, spots=spots, times=times, notes=notes)
+        keys = {"target": targets, "spot_mm": spots, "time_s": times}
+        return FileMeasurements(self.path, "dwell", joints, keys, notes=notes)
 
     def _chosen(
         self, dwells: Sequence[Dwell], still: Stillness, target: str | None

@@ -1,18 +1,13 @@
 """What is stated of tables: of joint positions, and of points with the joints at them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from ....model.errors import BadInput
 from ....model.options import Option, names_typed
 from ..maker import Decimal, J3Counting, MarkerColumn, StillMm
-
-if TYPE_CHECKING:
-    from ....model.kinematics.robot import Robot
-
-PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 def _names(help: str, flag: str | None = None) -> Option:
@@ -20,21 +15,13 @@ def _names(help: str, flag: str | None = None) -> Option:
     return Option(help, flag, text=names_typed)
 
 
-def check_signs(delimiter: str | None, decimal: str) -> None:
-    """BadInput for a delimiter (None: it is found) or a decimal sign that cannot be one."""
-    from ....model.parsing.reading import shown
-
-    if decimal not in (".", ","):
-        raise BadInput("not a decimal sign", found=shown(decimal), allowed=". or ,")
-    if delimiter is None:
-        return
-    if len(delimiter) != 1 or delimiter in '."\r\n+-' or delimiter.isalnum():
-        raise BadInput("not a delimiter", found=shown(delimiter), allowed="one character: , ; or tab")
-    if delimiter == decimal:
+def require_columns(flag: str, names: Sequence[str] | None, count: int) -> None:
+    """BadInput where the columns of an option, if it is stated, are not so many different ones."""
+    if names is not None and (len(names) != count or len(set(names)) != count):
         raise BadInput(
-            "the decimal comma and the delimiter are the same",
-            found=shown(delimiter),
-            remedy="state the delimiter, such as ;",
+            f"{flag} has not {count} columns",
+            found=", ".join(names),
+            allowed=f"{count} different ones",
         )
 
 
@@ -78,53 +65,47 @@ class CsvLayout:
     ] = ()
     changes_only: bool = False
 
-    def check(self, robot: "Robot") -> None:
-        """BadInput for a layout that no file can have."""
-        from ....model.parsing.reading import shown
+    def check(self, *, dwells: bool) -> None:
+        """BadInput for a layout that no file can have, and for one in which `dwells` cannot be found."""
+        from ....model.files.text_tables import PER_SECOND, check_signs
 
-        if self.units not in ("deg", "rad", "pulse"):
-            raise BadInput(
-                "the unit of the angles is not stated", found=shown(self.units), allowed="deg, rad, pulse"
-            )
-        slides = any(joint.kind == "prismatic" for joint in robot.joints)
-        if slides and self.units != "pulse" and self.lengths not in ("mm", "m"):
-            raise BadInput(
-                "the unit of the prismatic joints is not stated",
-                found=f"{robot.name} has prismatic joints",
-                allowed="mm, m",
-            )
         check_signs(self.delimiter, self.decimal)
         if self.time_column is not None and self.time_units is None:
             raise BadInput("the unit of the times is not stated", allowed=", ".join(PER_SECOND))
-        if self.spot_columns is not None and len(self.spot_columns) != 2:
-            raise BadInput(
-                "a spot has two columns", found=", ".join(self.spot_columns), allowed="dx,dy in mm"
-            )
-        if self.columns is None:
-            return
-        if not self.header_row and not all(name.isdecimal() for name in self.columns):
+        require_columns("--spot-columns", self.spot_columns, 2)
+        if not self.header_row and not all("=" in name or name.isdecimal() for name in self.columns or ()):
             raise BadInput(
                 "columns are given by name, but no header row is stated",
                 remedy="state the header row, if the files have one, or give numbers from 1",
             )
-        if len(self.columns) != robot.n or len(set(self.columns)) != robot.n:
+        if not dwells and self.marker_column is not None:
             raise BadInput(
-                "one column is required for each joint",
-                found=", ".join(self.columns),
-                allowed=f"{robot.n} different ones ({robot.name} has {robot.n} joints)",
+                "a column of markers is stated, but not what counts as a dwell",
+                remedy="state the tolerance and the shortest time (--still-deg, --still-s)",
+            )
+        if dwells and self.time_column is None:
+            raise BadInput("dwells can be found only with a column of times", remedy="state it and its unit")
+        if dwells and self.shot_column is not None:
+            raise BadInput(
+                "a dwell has many rows, and no number of its own", remedy="leave out the column of numbers"
+            )
+        if dwells and self.target_column is not None and self.marker_column is None:
+            raise BadInput(
+                "the target of a dwell cannot be read from a column without markers",
+                remedy="state a marker column, or one target for each file",
             )
 
     @property
-    def joints_alone(self) -> bool:
-        """Whether the files hold only joints, in their order."""
-        others = (
-            self.target_column,
-            self.shot_column,
-            self.spot_columns,
-            self.time_column,
-            self.marker_column,
-        )
-        return self.columns is None and all(other is None for other in others)
+    def others(self) -> Mapping[str, str]:
+        """The columns that are not joints, by what they are."""
+        columns = {
+            "target": self.target_column,
+            "measurement number": self.shot_column,
+            "spot in mm (dx, dy)": ", ".join(self.spot_columns or ()),
+            f"time in {self.time_units}": self.time_column,
+            "marker": self.marker_column,
+        }
+        return {what: column for what, column in columns.items() if column}
 
 
 @dataclass(frozen=True)
@@ -208,6 +189,8 @@ class PointLayout:
 
     def check(self) -> None:
         """BadInput for options that contradict each other, or of which one is missing."""
+        from ....model.files.text_tables import check_signs
+
         check_signs(self.delimiter, self.decimal)
         if self.joints is not None and self.match is None:
             raise BadInput(
@@ -269,18 +252,10 @@ class PointLayout:
                 found=f"{len(self.columns or ())} columns",
                 allowed="three columns of one position",
             )
-        for flag, names, count in (
-            ("--columns", self.columns, 3 * len(self.markers)),
-            ("--rotation-columns", self.rotation_columns, 3),
-            ("--quaternion-columns", self.quaternion_columns, 4),
-            ("--uncertainty-columns", self.uncertainty_columns, 3),
-        ):
-            if names is not None and (len(names) != count or len(set(names)) != count):
-                raise BadInput(
-                    f"{flag} has not {count} columns",
-                    found=", ".join(names),
-                    allowed=f"{count} different ones",
-                )
+        require_columns("--columns", self.columns, 3 * len(self.markers))
+        require_columns("--rotation-columns", self.rotation_columns, 3)
+        require_columns("--quaternion-columns", self.quaternion_columns, 4)
+        require_columns("--uncertainty-columns", self.uncertainty_columns, 3)
         if self.reflector is not None and self.reflector_column is not None:
             raise BadInput(
                 "reflectors are stated both by name and by a column", remedy="state one of the two"

@@ -1,7 +1,8 @@
-"""ROS in text: sensor_msgs/JointState as `ros2 topic echo` prints them, each a measurement.
+"""ROS: sensor_msgs/JointState in bags and in text, as `ros2 topic echo` prints them.
 
-Documents of YAML with lists of `name` and `position`; other keys are not looked at, since a driver may well
-print an effort of .nan. By definition of JointState positions are radians, metres where the joint slides.
+In text each message is a measurement: documents of YAML with lists of `name` and `position`; other keys are
+not looked at, since a driver may well print an effort of .nan. By definition of JointState positions are
+radians, metres where the joint slides.
 """
 
 from __future__ import annotations
@@ -9,17 +10,18 @@ from __future__ import annotations
 import math
 import re
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
-from ....model.files.text_tables import columns_of_joints, number
+from ....model.files.joint_columns import JointColumns
+from ....model.files.text_tables import number
 from ....model.kinematics.robot import Robot
-from ....model.parsing.reading import did_you_mean, read_text, require_regular, shown
+from ....model.parsing.reading import did_you_mean, read_text, require_regular
 from ....model.records import it, record
 from ..import_jobs import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
@@ -35,78 +37,80 @@ _ITEM = re.compile(r"\s*-\s+(?P<value>.+?)\s*$")
 _QUOTED = re.compile(r"^(['\"])(.*)\1$")
 
 
-def import_joint_states(
-    job: ImportJob,
-    *,
-    columns: Sequence[str] | None = None,
-) -> Imported:
+def import_joint_states(job: ImportJob, *, columns: Sequence[str] | None = None) -> Imported:
     """Measurements from texts of joint states, one for each message, in their order.
 
     `columns` are the names of joint 1, 2, … in the messages, by default the robot's own. BadInput, with file
     and line, for a message without one of the joints, or with a position that is no number.
     """
-    names = joint_names(job.robot, columns_of_joints(columns, job.robot))
-    parts = []
-    for path, target in zip(job.paths, job.targets(), strict=True):
-        rows, lines = _rows(path, job.robot, names)
-        parts.append(FileMeasurements(path, "message", np.array(rows), [target] * len(rows), lines=lines))
-    notes = [
-        "joint states as ros2 topic echo prints them, each message a measurement, in radians by definition",
-        f"joints by name, joint 1 first: {', '.join(names)}",
-    ]
-    return job.finish(parts, notes)
+    joints = _joints_by_name(job.robot, columns)
+
+    def read(path: Path, target: str | None) -> FileMeasurements:
+        rows, lines = _rows(path, joints)
+        return FileMeasurements(path, "message", joints.joints(rows), {"target": [target] * len(rows)}, lines)
+
+    note = "joint states as ros2 topic echo prints them, each message a measurement, in radians by definition"
+    return job.measured(read, [note, _by_name(joints)])
 
 
-def joint_names(robot: Robot, columns: Sequence[str] | None) -> list[str]:
-    """The names of joint 1, 2, … in messages; BadInput unless there is one for each."""
-    names = [joint.name for joint in robot.joints] if columns is None else list(columns)
-    if len(names) != robot.n or len(set(names)) != robot.n:
-        raise BadInput(
-            "one name is required for each joint",
-            found=", ".join(names),
-            allowed=f"{robot.n} different names ({robot.name} has {robot.n} joints)",
-        )
-    return names
+def _joints_by_name(robot: Robot, columns: Sequence[str] | None) -> JointColumns:
+    """The names of joint 1, 2, … in messages, whose positions are radians or metres."""
+    names = columns or [joint.name for joint in robot.joints]
+    return JointColumns.of_options(robot, names, "rad", lengths="m", j3="link", noun="name")
 
 
-def per_unit(robot: Robot) -> Matrix:
-    """(n,) degrees in a radian, or mm in a metre, of each joint."""
-    return np.array([joint.display if joint.kind == "revolute" else 1000.0 for joint in robot.joints])
+def _by_name(joints: JointColumns) -> str:
+    return f"joints by name, joint 1 first: {', '.join(joints.names or ())}"
 
 
-def _rows(path: Path, robot: Robot, names: Sequence[str]) -> tuple[list[list[float]], list[int]]:
-    """Degrees (mm) of each message, and the line where it begins."""
+def _rows(path: Path, joints: JointColumns) -> tuple[Matrix, list[int]]:
+    """(N, n) positions of each message, and the line where it begins."""
     rows, lines = [], []
-    text, _ = read_text(path)
-    for line, message in messages(text):
+    for line, message in messages(read_text(path)[0]):
         with located(path, line):
-            rows.append(_row(message, robot, names))
+            if not {"name", "position"} <= message.keys():
+                raise BadInput(
+                    "a message has no names or no positions",
+                    found=", ".join(message) or "none of the keys of a JointState",
+                    allowed="name and position, as ros2 topic echo /joint_states prints them",
+                )
+            rows.append(_positions("the message has", joints, message["name"], message["position"]))
         lines.append(line)
     if not rows:
-        raise BadInput("no measurements found: the file has no joint states", file=path)
-    return rows, lines
+        raise BadInput("no measurements found: the file has no joint states")
+    return np.array(rows), lines
 
 
-def _row(message: Mapping[str, Sequence[str]], robot: Robot, names: Sequence[str]) -> list[float]:
-    """Degrees (mm) of a message."""
-    if not {"name", "position"} <= message.keys():
-        raise BadInput(
-            "a message has no names or no positions",
-            found=", ".join(message) or "none of the keys of a JointState",
-            allowed="name and position, as ros2 topic echo /joint_states prints them",
-        )
-    position = dict(zip(message["name"], message["position"], strict=False))
-    if not set(names) <= position.keys():
-        raise _no_joints("the message has", names, list(position))
+def _positions(
+    where: str, joints: JointColumns, names: Sequence[str], positions: Sequence[str | float]
+) -> list[float]:
+    """Positions of a message in the order of the joints."""
+    position = dict(zip(names, positions, strict=False))
     values = []
-    for name, unit in zip(names, per_unit(robot).tolist(), strict=True):
-        value = number(position[name])
+    for name in joints.names or ():
+        if name not in position:
+            raise _no_joints(where, joints, list(position))
+        text = position[name]
+        value = number(text) if isinstance(text, str) else float(text)
         if value is None or not math.isfinite(value):
             raise BadInput(
-                f"the position of joint {name!r} is not a finite number", found=shown(position[name])
+                f"the position of joint {name!r} is not a finite number",
+                found=f"{name} {text}",
+                allowed="a finite number for each joint",
             )
-        values.append(value * unit)
+        values.append(value)
     return values
+
+
+def _no_joints(where: str, joints: JointColumns, there: Sequence[str]) -> BadInput:
+    names = joints.names or ()
+    missing = next(name for name in names if name not in there)
+    return BadInput(
+        f"{where} no joint {missing!r}",
+        found=", ".join(there) or "no joints",
+        allowed=", ".join(names),
+        remedy=did_you_mean(missing, there) or "state the names of joint 1, 2, … (--columns)",
+    )
 
 
 def messages(text: str) -> list[tuple[int, dict[str, list[str]]]]:
@@ -154,24 +158,20 @@ def import_ros(
     required if several have joint states. A marker of text (std_msgs/String) names the target,
     unless the job names one for each file. Times are those at which the messages were recorded.
     """
-    robot = job.robot
-    names = joint_names(robot, columns_of_joints(columns, robot))
+    joints = _joints_by_name(job.robot, columns)
+    slides = any(joint.kind == "prismatic" for joint in job.robot.joints)
+
+    def read(path: Path, target: str | None) -> FileMeasurements:
+        log, chosen = _read(path, joints, topic, marker_topic)
+        how = f"  joint states on {chosen}, in radians by definition of JointState"
+        how += "; prismatic joints in metres" if slides else ""
+        return log.measurements(job.robot, still, target, [how])
+
+    by = "every dwell is a measurement"
+    if marker_topic is not None:
+        by = f"measurements at markers on {marker_topic}"
     named = bool(job.names) or marker_topic is None or job.plan is not None
-    targets: list[str | None] = [*job.targets()] if named else [None] * len(job.paths)
-    parts, topics = [], []
-    for path, target in zip(job.paths, targets, strict=True):
-        log, read = _read(path, robot, names, topic, marker_topic)
-        topics.append(read)
-        parts.append(log.shots(robot, still, target))
-    notes = [
-        f"joint states on {', '.join(dict.fromkeys(topics))}, in radians by definition of JointState"
-        + ("" if all(joint.kind == "revolute" for joint in robot.joints) else "; prismatic joints in metres"),
-        f"joints by name, joint 1 first: {', '.join(names)}",
-        "every dwell is a measurement"
-        if marker_topic is None
-        else f"measurements at markers on {marker_topic}",
-    ]
-    return job.finish(parts, notes)
+    return job.measured(read, [_by_name(joints), by], named=named)
 
 
 @record
@@ -198,7 +198,7 @@ def topics_of(path: Path) -> tuple[Topic, ...]:
 
 
 def _read(
-    path: Path, robot: Robot, names: Sequence[str], topic: str | None, marker_topic: str | None
+    path: Path, joints: JointColumns, topic: str | None, marker_topic: str | None
 ) -> tuple[JointLog, str]:
     """The log of a bag, and the topic that it was read from."""
     if not path.exists():
@@ -209,16 +209,17 @@ def _read(
         reader = bag.reader
         states = [c for c in reader.connections if c.msgtype == JOINT_STATE]
         chosen = _topic(states, topic, reader)
+        where = f"the messages on {chosen} have"
+        names = set(joints.names or ())
         stamps, positions = array("q"), array("d")  # not lists of lists: recordings are long
         joint_names_read: dict[str, None] = {}
         for stamp, message in bag.messages([c for c in states if c.topic == chosen]):
             joint_names_read.update(dict.fromkeys(message.name))
-            row = _positions(message, names, chosen)
-            if row is not None:
+            if names & set(message.name):  # else it is of other joints (a gripper's, say)
                 stamps.append(stamp)
-                positions.extend(row)
+                positions.extend(_positions(where, joints, message.name, message.position))
         if not stamps:
-            raise _no_joints(f"the messages on {chosen} have", names, list(joint_names_read))
+            raise _no_joints(where, joints, list(joint_names_read))
         marks = None
         if marker_topic is not None:
             markers = [c for c in reader.connections if c.topic == marker_topic]
@@ -229,9 +230,8 @@ def _read(
                 for stamp, message in bag.messages(markers)
             ]
     times = (np.array(stamps) - stamps[0]) * 1e-9
-    return JointLog(
-        path, times, np.array(positions).reshape(-1, len(names)) * per_unit(robot), marks=marks
-    ), chosen
+    rows = joints.joints(np.array(positions).reshape(len(stamps), -1))
+    return JointLog(path, times, rows, marks=marks), chosen
 
 
 def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader) -> str:
@@ -268,32 +268,4 @@ def _no_topic(topic: str, reader: AnyReader) -> BadInput:
         found=topic,
         allowed=", ".join(there),
         remedy=did_you_mean(topic, there),
-    )
-
-
-def _positions(message: Any, names: Sequence[str], topic: str) -> list[float] | None:
-    """Positions in the order of `names`; None for a message of other joints (a gripper's, say)."""
-    there = list(message.name)
-    if not set(names) & set(there):
-        return None
-    if not set(names) <= set(there):
-        raise _no_joints(f"the messages on {topic} have", names, there)
-    position = dict(zip(there, message.position, strict=False))
-    values = [float(position.get(name, np.nan)) for name in names]
-    if not np.all(np.isfinite(values)):
-        raise BadInput(
-            f"a message on {topic} lacks a position",
-            found=", ".join(f"{name} {value:g}" for name, value in zip(names, values, strict=True)),
-            allowed="a finite number for each joint",
-        )
-    return values
-
-
-def _no_joints(where: str, names: Sequence[str], there: Sequence[str]) -> BadInput:
-    missing = next(name for name in names if name not in there)
-    return BadInput(
-        f"{where} no joint {missing!r}",
-        found=", ".join(there) or "no joints",
-        allowed=", ".join(names),
-        remedy=did_you_mean(missing, there) or "state the names of joint 1, 2, … (--columns)",
     )

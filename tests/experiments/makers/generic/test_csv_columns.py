@@ -105,7 +105,7 @@ def test_what_does_not_go_together(read, refused):
     assert "both by name and by a column" in what(rows(), ["a"])
     assert "one target name" in what(rows(), target_column=None)
     assert "unit of the times" in what(rows(), time_units=None)
-    assert "two columns" in what(rows(), spot_columns=["dx"])
+    assert "has not 2 columns" in what(rows(), spot_columns=["dx"])
     assert "is not a measurement number" in what(rows().replace(",11,", ",1.5,"))
     assert "duplicate" in what(rows().replace(",11,", ",10,"))
     assert "column 10 is not a finite number" in what(rows().replace(",0.1,", ",nan,"))

@@ -1,5 +1,6 @@
 import contextlib
 import gc
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from import_files import import_csv
 from recorded_logs import HEADER
 
+from zerobeam.experiments.makers.contents import contents_of
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout
 from zerobeam.experiments.makers.import_jobs import uncollected
 from zerobeam.model.files.header import UrdfRef
@@ -287,3 +289,44 @@ def test_a_table_as_the_pendant_shows_it_in_pulses_and_in_its_order(tmp_path, ou
         "pulses for a degree are not stated"
         in refused(import_csv, [file], ["one"], CsvLayout("pulse"), header, out).what
     )
+
+
+LISTS = "".join(
+    f"  VAR jointtarget p{i} = j:{{{','.join(map(str, row))}}}{{EJ 0,0.0}};\n" for i, row in enumerate(ROWS)
+)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        LISTS,
+        LISTS.replace("{EJ 0,0.0}", ""),
+        LISTS.replace("  VAR jointtarget", "GLOBAL").replace("j:", "J : "),
+    ],
+)
+def test_lists_of_joints_of_rokae_are_rows(tmp_path, read, text):
+    file = tmp_path / "points.txt"
+    file.write_text(text)
+    found = read([file], ["one"], CsvLayout("deg"))
+    np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], ROWS)
+    assert [shot.source for shot in found.shots] == ["points.txt:1", "points.txt:2", "points.txt:3"]
+    assert contents_of(file).columns[4].highest == 52
+
+
+def test_lists_that_say_more_than_joints_are_refused(tmp_path, read, refused):
+    file = tmp_path / "points.txt"
+    file.write_text(LISTS.replace("{EJ 0,0.0}", "{EJ 0,12.5}", 1))
+    error = refused(read, [file], ["one"], CsvLayout("deg"))
+    assert "external axes that are not at 0" in error.what
+    assert error.line == 1
+    file.write_text(LISTS + "p = P:{900,0,900}{1,0,0,0}\n")
+    assert "column 1 is not a number" in refused(read, [file], ["one"], CsvLayout("deg")).what
+
+
+def test_a_spreadsheet_is_named(tmp_path, read, refused):
+    file = tmp_path / "joints.xlsx"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>" * 50)
+    error = refused(read, [file], ["one"], CsvLayout("deg"))
+    assert "spreadsheet" in error.what
+    assert "CSV" in error.remedy
