@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -119,8 +119,8 @@ class Shot(FileModel):
     @property
     def readings(self) -> dict[str, float | tuple[float, ...]]:
         """What the instrument read, as it is recorded, by column."""
-        named = ((name, getattr(self, name)) for name in type(self).model_fields if name not in _NO_READING)
-        return {name: value for name, value in named if value is not None}
+        names = _readings_of(type(self))
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     @property
     def called(self) -> str:
@@ -153,6 +153,11 @@ _NO_READING = frozenset(
         "source",
     )
 )
+
+
+@cache
+def _readings_of(model: type[Shot]) -> tuple[str, ...]:
+    return tuple(name for name in model.model_fields if name not in _NO_READING)
 
 
 def shot_model(header: Header) -> type[Shot]:
