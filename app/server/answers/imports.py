@@ -215,7 +215,7 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
     for i, number in enumerate(request.reversed_joints):
         if not 1 <= number <= robot.n:
             raise _wrong(("reversed_joints", i), "there is no such joint", number, f"1 to {robot.n}")
-    stated = JointColumns(
+    joint_columns = JointColumns(
         _at(("j3",), lambda: Pendant(robot, request.j3)),
         None,
         request.units,
@@ -230,8 +230,11 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
         tables.append(columns_found.table_with(path, text, layout_of(text, **_layout(request))))
     raw = np.concatenate([_raw(table, chosen, robot) for table in tables])
     proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
-    pendant, recorded = stated.pendant, raw * stated.per_unit  # NaN where the unit is not stated
-    joints = stated.joints(raw)
+    pendant, recorded = (
+        joint_columns.pendant,
+        raw * joint_columns.per_unit,
+    )  # NaN where the unit is not stated
+    joints = joint_columns.joints(raw)
     outside = beyond_limits(robot, joints)
     units = joint_conventions.unit_reading(robot, pendant.between_links(raw))
     lengths = joint_conventions.length_reading(robot, raw)
