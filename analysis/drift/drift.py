@@ -15,8 +15,9 @@ for, and the rest tested again, until none is left."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -29,7 +30,8 @@ from .importance import ENOUGH, MOST, Pass, about, effective, from_pass, normali
 from .smoother import Series, Smoothed, smooth
 
 _KNOWN = 0.5  # std of a known log rate over that of its prior: three times the prior's information
-_STEPS = 60  # of a bisection
+_STEPS, _CLOSE = 100, 1e-9  # to a quantile, of the least std
+_ROOT_2_PI = math.sqrt(2 * math.pi)
 ALARM = 0.01  # probability of a false alarm, of an arm
 MEDIAN, SPREAD = 0.01, 1.5  # deg or mm per root year, and of its natural logarithm
 LEVEL = 0.95
@@ -39,69 +41,84 @@ _MOST_JUMPS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class JumpTest:
-    """Offset j between the results t and t + 1, of K rates with the `weights` (K,) that they have by all data
-    but the change itself.
+class JumpTests:
+    """Tests at n `places` (result before, offset), of K rates with the `weights` (K, n) that they have by all
+    data but the change itself.
 
-    `change` (K,) is the step by the results before and after, `noise` (K,) its variance by their uncertainty,
-    `drift_variance` (K,) that by the drift in the interval. `rate_known`: whether the other results determine
-    the rate of the drift, so that a change can be compared with it.
+    `change` (K, n) is the step by the results before and after, `noise` (K, n) its variance by their
+    uncertainty, `drift_variance` (K, n) that by the drift in the interval. `rate_known` (n,): whether the
+    other results determine the rate of the drift, so that a change can be compared with it.
     """
 
+    places: Sequence[tuple[int, int]]
     weights: Matrix
     change: Matrix
     noise: Matrix
     drift_variance: Matrix
-    rate_known: bool
+    rate_known: Matrix
 
-    @property
-    def p_value(self) -> float:
-        """Two-sided, not adjusted: of so large a change without a jump."""
+    @cached_property
+    def p_value(self) -> Matrix:
+        """(n,) two-sided, not adjusted: of so large a change without a jump."""
         score = self.change / np.sqrt(self.noise + self.drift_variance)
-        below, above = self.weights @ special.ndtr(score), self.weights @ special.ndtr(-score)
-        return min(1.0, 2 * float(min(below, above)))
+        tail = special.ndtr(-np.abs(score))
+        below = (self.weights * np.where(score < 0, tail, 1 - tail)).sum(axis=0)
+        above = (self.weights * np.where(score > 0, tail, 1 - tail)).sum(axis=0)
+        return np.asarray(np.minimum(1.0, 2 * np.minimum(below, above)))
 
-    @property
-    def p_same(self) -> float:
-        """Two-sided, not adjusted: of so large a change with neither jump nor drift."""
-        return float(2 * self.weights @ special.ndtr(-np.abs(self.change) / np.sqrt(self.noise)))
+    @cached_property
+    def p_same(self) -> Matrix:
+        """(n,) two-sided, not adjusted: of so large a change with neither jump nor drift."""
+        tail = special.ndtr(-np.abs(self.change) / np.sqrt(self.noise))
+        return np.asarray(2 * (self.weights * tail).sum(axis=0))
 
-    def least_jump(self, p_value: float) -> float:
-        """The smallest change with this p-value."""
-        std = np.sqrt(self.noise + self.drift_variance)
-        low, high = 0.0, float(-special.ndtri(p_value / 2) * std.max())
-        for _ in range(_STEPS):
-            middle = (low + high) / 2
-            too_small = 2 * self.weights @ special.ndtr(-middle / std) > p_value
-            low, high = (middle, high) if too_small else (low, middle)
-        return high
+    def undecided(self, series: Series, single: float) -> Iterator[Undecided]:
+        """The changes that are no jump at this (single) p-value, and may be one."""
+        unlike = (self.p_same <= single) & (self.p_value > single) & np.logical_not(self.rate_known)
+        for k in np.flatnonzero(unlike).tolist():
+            (t, j), weights, change = self.places[k], self.weights[:, k], self.change[:, k]
+            variance = self.noise[:, k] + self.drift_variance[:, k]
+            least = mixture_quantile(np.zeros_like(change), np.sqrt(variance), weights, 1 - single / 2)
+            yield Undecided(
+                series.names[j],
+                series.units[j],
+                t,
+                float(weights @ change),
+                mixture_interval(change, np.sqrt(self.noise[:, k]), weights, LEVEL),
+                float(least),
+            )
 
 
-def _jump_tests(
-    series: Series, rates: Matrix, smoothed: Smoothed, passes: Sequence[Pass], jumps: Matrix, seed: int
-) -> dict[tuple[int, int], JumpTest]:
-    """The tests by interval and offset, none where a jump is allowed already or one side has no result of the
-    offset. `smoothed` is of the `rates` (K, m), which were sampled from the `passes`."""
+def _jump_tests(smoothed: Smoothed, passes: Sequence[Pass], seed: int) -> list[JumpTests]:
+    """The tests, none where a jump is allowed already or one side has no result of the offset. `smoothed` is
+    of rates that were sampled from the `passes`."""
+    places = list(_between_results(smoothed.series, smoothed.jumps))
+    scored = _Scored.of(smoothed, places)
+    known = np.flatnonzero((scored.power > 0).all(axis=0)).tolist()
+    places, scored = [places[k] for k in known], scored.at(known)
+    weights = scored.weights(over_passes(np.log(scored.rates), passes))
+    enough = 1 / (weights**2).sum(axis=0) >= ENOUGH
+    of_all, few = np.flatnonzero(enough).tolist(), np.flatnonzero(np.logical_not(enough)).tolist()
+    named = [places[k] for k in of_all]
+    together = _tests(smoothed.series, named, scored.at(of_all), weights[:, of_all], passes)
+    return [together, *(_more(smoothed, scored.at([k]), passes, places[k], seed) for k in few)]
+
+
+def _between_results(series: Series, jumps: Matrix) -> Iterator[tuple[int, int]]:
+    """Intervals and offsets without a jump, with a result of the offset on both sides of it."""
     observed = series.observed
-    over = over_passes(np.log(rates), passes)
-    tests = {}
     for j in range(jumps.shape[1]):
         ends = [-1, *np.flatnonzero(jumps[:, j]).tolist(), len(jumps)]
         for t in np.flatnonzero(np.logical_not(jumps[:, j])).tolist():
             start = max(end for end in ends if end < t) + 1
             stop = min(end for end in ends if end > t) + 1
-            if not (observed[start : t + 1, j].any() and observed[t + 1 : stop, j].any()):
-                continue
-            if not (smoothed.power[:, t, j] > 0).all():
-                continue
-            scored = _Scored.of(rates, smoothed, t, j)
-            tests[t, j] = _jump_test(series, scored, over, passes, jumps, (t, j), seed)
-    return tests
+            if observed[start : t + 1, j].any() and observed[t + 1 : stop, j].any():
+                yield t, j
 
 
 @dataclass(frozen=True, eq=False)
 class _Scored:
-    """Rates (K, m) with what one test needs of them (K,)."""
+    """Rates (K, m) and their `log_likelihood` (K,), with the `score` and `power` (K, n) of n tests."""
 
     rates: Matrix
     log_likelihood: Matrix
@@ -109,49 +126,61 @@ class _Scored:
     power: Matrix
 
     @staticmethod
-    def of(rates: Matrix, smoothed: Smoothed, t: int, j: int) -> _Scored:
-        return _Scored(rates, smoothed.log_likelihood, smoothed.score[:, t, j], smoothed.power[:, t, j])
+    def of(smoothed: Smoothed, places: Sequence[tuple[int, int]]) -> _Scored:
+        intervals = sorted({t for t, _ in places})
+        rows, offsets = [intervals.index(t) for t, _ in places], [j for _, j in places]
+        score, power = (part[rows, offsets].T for part in smoothed.jumps_after(intervals))
+        return _Scored(smoothed.rates, smoothed.log_likelihood, score, power)
+
+    def at(self, tests: Sequence[int]) -> _Scored:
+        """Of some tests."""
+        return replace(self, score=self.score[:, tests], power=self.power[:, tests])
 
     def weights(self, over: Matrix) -> Matrix:
-        """(K,) by the part of the data that a jump leaves unchanged, of rates with the prior `over` (K,) what
-        they were sampled from (its logarithm)."""
-        return normalised(self.log_likelihood + self.score**2 / 2 - np.log(self.power) / 2 + over)
+        """(K, n) by the part of the data that a jump leaves unchanged, of rates with the prior `over` (K,)
+        what they were sampled from (its logarithm)."""
+        return normalised((self.log_likelihood + over)[:, None] + self.score**2 / 2 - np.log(self.power) / 2)
 
 
-def _jump_test(
-    series: Series,
-    scored: _Scored,
-    over: Matrix,
-    passes: Sequence[Pass],
-    jumps: Matrix,
-    interval: tuple[int, int],
-    seed: int,
-) -> JumpTest:
-    """The test of one `interval` and offset by these rates; where too few of them count, by more: first with
-    the prior of the rate of the tested offset, then about those that count."""
-    t, j = interval
-    weights = scored.weights(over)
+def _more(
+    smoothed: Smoothed, scored: _Scored, passes: Sequence[Pass], place: tuple[int, int], seed: int
+) -> JumpTests:
+    """The test of one place, where too few of the rates count, by more: first with the prior of the rate of
+    the tested offset, then about those that count."""
+    weights = scored.weights(over_passes(np.log(scored.rates), passes))
     prior, more = passes[0], list(passes)
-    while effective(weights) < ENOUGH and len(more) < len(passes) + MOST:
+    while effective(weights[:, 0]) < ENOUGH and len(more) < len(passes) + MOST:
         more.append(
-            _with_prior_of(j, passes[-1], prior)
+            _with_prior_of(place[1], passes[-1], prior)
             if len(more) == len(passes)
-            else about(np.log(scored.rates), weights)
+            else about(np.log(scored.rates), weights[:, 0])
         )
         rates = np.exp(from_pass(more[-1], _NODES, seed + len(more) - 1))
-        added = _Scored.of(rates, smooth(series, rates, jumps), t, j)
+        added = _Scored.of(smooth(smoothed.series, rates, smoothed.jumps), [place])
         scored = _Scored(*map(np.concatenate, zip(astuple(scored), astuple(added), strict=True)))
         weights = scored.weights(over_passes(np.log(scored.rates), more))
-    variance = 1 / scored.power
-    drift_variance = scored.rates[:, j] ** 2 * series.gaps[t]
-    log_rate = np.log(scored.rates[:, j])
-    spread = weights @ (log_rate - weights @ log_rate) ** 2
-    return JumpTest(
+    return _tests(smoothed.series, [place], scored, weights, passes)
+
+
+def _tests(
+    series: Series,
+    places: Sequence[tuple[int, int]],
+    scored: _Scored,
+    weights: Matrix,
+    passes: Sequence[Pass],
+) -> JumpTests:
+    intervals, offsets = np.array(places, int).reshape(-1, 2).T
+    rates, variance = scored.rates[:, offsets], 1 / scored.power
+    drift_variance = rates**2 * series.gaps[intervals]
+    log_rate = np.log(rates)
+    spread = (weights * (log_rate - (weights * log_rate).sum(axis=0)) ** 2).sum(axis=0)
+    return JumpTests(
+        places=places,
         weights=weights,
         change=scored.score * np.sqrt(variance),
         noise=np.maximum(variance - drift_variance, 0.0),
         drift_variance=drift_variance,
-        rate_known=bool(spread <= (_KNOWN * prior[1][j, j]) ** 2),
+        rate_known=spread <= (_KNOWN * np.diag(passes[0][1])[offsets]) ** 2,
     )
 
 
@@ -196,7 +225,7 @@ class Undecided(OffsetChange):
 class Drift:
     """The offsets of an arm over time.
 
-    `smoothed` is of the K drift rates `rates` (K, m) with the `weights` (K,); `p_first` (T - 1, m) are the
+    `smoothed` is of K drift rates with the `weights` (K,); `p_first` (T - 1, m) are the
     p-values of the first tests, before any jump was allowed, not multiplied, nan where no result determines
     the offset on one side. `jumps` and `undecided` are in the order of time; `changed` is whether any change
     that is no jump exceeds its uncertainty. `effective` is the effective number of rates, `passes` what they
@@ -205,7 +234,6 @@ class Drift:
 
     series: Series
     smoothed: Smoothed
-    rates: Matrix
     weights: Matrix
     p_first: Matrix
     jumps: tuple[Jump, ...]
@@ -214,23 +242,32 @@ class Drift:
     effective: float
     passes: tuple[Pass, ...]
 
+    @property
+    def rates(self) -> Matrix:
+        """(K, m) drift rates."""
+        return self.smoothed.rates
+
     def interval(self, t: int, along: Matrix, level: float = LEVEL) -> tuple[float, float]:
         """The interval of the combination `along` (m,) of the offsets at result t; UnsoundResult where one
         of them is not determined there (`Series.determined`)."""
-        self._require_determined(t, along)
-        mean = self.smoothed.mean[:, t] @ along
-        variance = np.einsum("i,kij,j->k", along, self.smoothed.covariance[:, t], along)
-        variance = variance + self.shared_variance(along)
+        mean, variance = self._combined(t, along)
         return mixture_interval(mean, np.sqrt(variance), self.weights, level)
 
     def value(self, t: int, along: Matrix) -> tuple[float, float]:
         """Mean and standard uncertainty of the same."""
-        self._require_determined(t, along)
-        mean = self.smoothed.mean[:, t] @ along
-        variance = np.einsum("i,kij,j->k", along, self.smoothed.covariance[:, t], along)
+        mean, variance = self._combined(t, along)
         centre = float(self.weights @ mean)
-        spread = float(self.weights @ (variance + (mean - centre) ** 2)) + self.shared_variance(along)
-        return centre, math.sqrt(spread)
+        return centre, math.sqrt(self.weights @ (variance + (mean - centre) ** 2))
+
+    def _combined(self, t: int, along: Matrix) -> tuple[Matrix, Matrix]:
+        """Its mean and variance (K,) for each of the rates."""
+        self._require_determined(t, along)
+        if t in (-1, len(self.series.observations) - 1):
+            mean, covariance = self.smoothed.last
+        else:
+            mean, covariance = self.smoothed.mean[:, t], self.smoothed.covariance[:, t]
+        variance = np.einsum("i,kij,j->k", along, covariance, along) + self.shared_variance(along)
+        return mean @ along, variance
 
     def _require_determined(self, t: int, along: Matrix) -> None:
         lost = np.flatnonzero((along != 0) & ~self.series.determined[t])
@@ -265,15 +302,8 @@ class Drift:
         return allowed(self.series, ((jump.place, jump.offset) for jump in self.jumps))
 
     def at_last(self) -> Drift:
-        """The same with the states at the last result alone: a tenth of the memory, for many arms."""
-        smoothed = self.smoothed
-        few = Smoothed(
-            smoothed.mean[:, -1:].copy(),
-            smoothed.covariance[:, -1:].copy(),
-            smoothed.log_likelihood,
-            *(part[:, :0].copy() for part in (smoothed.score, smoothed.power, smoothed.step_variance)),
-        )
-        return replace(self, smoothed=few)
+        """The same with the state at the last result alone: a tenth of the memory, for many arms."""
+        return replace(self, smoothed=self.smoothed.at_last())
 
 
 def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
@@ -288,28 +318,33 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
     p_first = np.full(jumps.shape, np.nan)
     jumps_found: list[tuple[int, int, float]] = []
     while True:
-        rates, log_weight, smoothed, passes = integrated(series, jumps, seed)
-        tests = _jump_tests(series, rates, smoothed, passes, jumps, seed)
-        p_values = {interval: test.p_value for interval, test in tests.items()}
+        smoothed, log_weight, passes = integrated(series, jumps, seed)
+        tests = _jump_tests(smoothed, passes, seed)
+        p_values = {
+            place: p_value
+            for some in tests
+            for place, p_value in zip(some.places, some.p_value.tolist(), strict=True)
+        }
         if not jumps_found:
-            for interval, p_value in p_values.items():
-                p_first[interval] = p_value
+            for place, p_value in p_values.items():
+                p_first[place] = p_value
         single = alarm / max(np.isfinite(p_first).sum(), 1)  # of each test
         clearest = min(p_values, key=p_values.__getitem__, default=None)
         if clearest is None or p_values[clearest] > single or len(jumps_found) >= _MOST_JUMPS:
             break
+        jumps = jumps.copy()
         jumps[clearest] = True
         jumps_found.append((*clearest, p_values[clearest] / single * alarm))
     weights = normalised(log_weight)
+    undecided = [one for some in tests for one in some.undecided(series, single)]
     return Drift(
         series=series,
         smoothed=smoothed,
-        rates=rates,
         weights=weights,
         p_first=p_first,
-        jumps=tuple(_jump(series, smoothed, weights, *jump) for jump in sorted(jumps_found)),
-        undecided=tuple(_undecided(series, tests, single)),
-        changed=any(test.p_same <= single for test in tests.values()),
+        jumps=tuple(_jump(smoothed, weights, *jump) for jump in sorted(jumps_found)),
+        undecided=tuple(sorted(undecided, key=lambda one: (one.place, series.names.index(one.offset)))),
+        changed=any((some.p_same <= single).any() for some in tests),
         effective=effective(weights),
         passes=passes,
     )
@@ -334,24 +369,29 @@ def median_interval(values: Matrix, weights: Matrix) -> tuple[float, tuple[float
 
 
 def mixture_interval(mean: Matrix, std: Matrix, weights: Matrix, level: float) -> tuple[float, float]:
-    """The central interval of a mixture of normal distributions, by bisection."""
-
+    """The central interval of a mixture of normal distributions."""
     low, high = (mixture_quantile(mean, std, weights, (1 + side * level) / 2) for side in (-1, 1))
     return float(low), float(high)
 
 
-def mixture_quantile(mean: Matrix, std: Matrix, weights: Matrix, q: float, *, steps: int = 60) -> Matrix:
-    """The quantile q of mixtures of normal distributions (K, ...) with the `weights` (K,), by bisection."""
+def mixture_quantile(mean: Matrix, std: Matrix, weights: Matrix, q: float) -> Matrix:
+    """The quantile q of mixtures of normal distributions (K, ...) with the `weights` (K,), by Newton's steps
+    and, where one leaves the interval that the quantile is in, bisection."""
     low, high = (mean - 12 * std).min(axis=0), (mean + 12 * std).max(axis=0)
-    for _ in range(steps):
-        middle = (low + high) / 2
-        below = weights @ special.ndtr((middle - mean) / std) < q
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return np.asarray((low + high) / 2)
+    close, at = _CLOSE * std.min(axis=0), (low + high) / 2
+    for _ in range(_STEPS):
+        z = (at - mean) / std
+        excess, slope = weights @ special.ndtr(z) - q, weights @ (np.exp(-(z**2) / 2) / std) / _ROOT_2_PI
+        low, high = np.where(excess < 0, at, low), np.where(excess < 0, high, at)
+        step = at - excess / np.maximum(slope, np.finfo(float).tiny)
+        before, at = at, np.where((low < step) & (step < high), step, (low + high) / 2)
+        if (np.abs(at - before) <= close).all():
+            break
+    return np.asarray(at)
 
 
-def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix, Smoothed, tuple[Pass, ...]]:
-    """Rates (K, m), the logarithms of their weights (K,), the states for each, and the passes."""
+def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Smoothed, Matrix, tuple[Pass, ...]]:
+    """The states for K rates, the logarithms of their weights (K,), and the passes they are from."""
     size = len(series.names)
     passes: list[Pass] = [(np.full(size, math.log(MEDIAN)), SPREAD * np.eye(size))]
     parts: list[Smoothed] = []
@@ -360,27 +400,13 @@ def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix
         parts.append(smooth(series, np.exp(points), jumps))
         return parts[-1].log_likelihood
 
-    points, _ = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
-    smoothed = Smoothed(*(np.concatenate(field) for field in zip(*map(astuple, parts), strict=True)))
-    log_weight = smoothed.log_likelihood + over_passes(points, passes)
-    return np.exp(points), log_weight, smoothed, tuple(passes)
+    points, log_likelihoods = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
+    return Smoothed.joined(parts), log_likelihoods + over_passes(points, passes), tuple(passes)
 
 
-def _jump(series: Series, smoothed: Smoothed, weights: Matrix, t: int, j: int, p_value: float) -> Jump:
+def _jump(smoothed: Smoothed, weights: Matrix, t: int, j: int, p_value: float) -> Jump:
     """The size of a jump that is allowed for, the drift of that interval in it."""
-    step = smoothed.mean[:, t + 1, j] - smoothed.mean[:, t, j]
-    variance = smoothed.step_variance[:, t, j]
-    low, high = mixture_interval(step, np.sqrt(variance), weights, LEVEL)
+    series, mean = smoothed.series, smoothed.mean
+    step = mean[:, t + 1, j] - mean[:, t, j]
+    low, high = mixture_interval(step, np.sqrt(smoothed.step_variance[:, t, j]), weights, LEVEL)
     return Jump(series.names[j], series.units[j], t, float(weights @ step), (low, high), p_value)
-
-
-def _undecided(
-    series: Series, tests: Mapping[tuple[int, int], JumpTest], p_value: float
-) -> Iterator[Undecided]:
-    """The changes that are no jump at this (single) p-value, and may be one."""
-    for (t, j), test in sorted(tests.items()):
-        if test.rate_known or test.p_same > p_value or test.p_value <= p_value:
-            continue
-        interval95 = mixture_interval(test.change, np.sqrt(test.noise), test.weights, LEVEL)
-        size = float(test.weights @ test.change)
-        yield Undecided(series.names[j], series.units[j], t, size, interval95, test.least_jump(p_value))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy import special
@@ -20,7 +21,6 @@ HORIZON_YEARS = 20.0
 _DRAWS = 4096  # a power of two
 _POINTS = 100  # of an offset, about
 _MOST_BETWEEN = 5  # points from one result to the next
-_STEPS = 22  # of the bisection: a hundred thousandth of a standard deviation
 _TAIL = 1e-6  # rates of this weight together are left out
 
 
@@ -33,18 +33,20 @@ def due_after(drift: Drift, sensitivity_mm2: Matrix, tolerance_mm: float) -> flo
     (as `accuracy.sensitivity_mm2` of a result). Future jumps are not foreseen.
     """
     size = len(drift.series.names)
-    points = qmc.Sobol(2 * size + 1, seed=0).random(_DRAWS)
-    z = special.ndtri(np.clip(points[:, 1:], 1e-12, 1 - 1e-12))
-    chosen = np.minimum(np.searchsorted(np.cumsum(drift.weights), points[:, 0]), len(drift.weights) - 1)
-    mean = drift.smoothed.mean[:, -1]
-    root = np.linalg.cholesky(drift.smoothed.covariance[:, -1])
+    share, z = _draws(size)
+    chosen = np.minimum(np.searchsorted(np.cumsum(drift.weights), share), len(drift.weights) - 1)
+    mean, covariance = drift.smoothed.last
+    root = np.linalg.cholesky(covariance)
     now = mean[chosen] - drift.weights @ mean + np.einsum("kij,kj->ki", root[chosen], z[:, :size])
     drawn_rates = drift.rates[chosen] * z[:, size:]
+    # The error is a square in the root of the time.
+    by_now, by_rates = now @ sensitivity_mm2, drawn_rates @ sensitivity_mm2
+    at_now, grown = (by_now * now).sum(axis=1), (by_rates * drawn_rates).sum(axis=1)
+    mixed = (by_now * drawn_rates).sum(axis=1) + (by_rates * now).sum(axis=1)
 
     def error_mm(years: float) -> float:
-        apart = now + np.sqrt(years) * drawn_rates
-        squared = np.einsum("ki,ij,kj->k", apart, sensitivity_mm2, apart)
-        return float(np.quantile(np.sqrt(np.maximum(squared, 0.0)), LEVEL))
+        squared = at_now + np.sqrt(years) * mixed + years * grown
+        return float(np.sqrt(max(np.quantile(squared, LEVEL), 0.0)))
 
     if error_mm(0.0) > tolerance_mm:
         return 0.0
@@ -55,6 +57,13 @@ def due_after(drift: Drift, sensitivity_mm2: Matrix, tolerance_mm: float) -> flo
         middle = (low + high) / 2
         low, high = (middle, high) if error_mm(middle) <= tolerance_mm else (low, middle)
     return low
+
+
+@cache
+def _draws(size: int) -> tuple[Matrix, Matrix]:
+    """Sobol points, the same for every arm: shares (N,) to choose rates by, (N, 2 size) standard normal."""
+    points = qmc.Sobol(2 * size + 1, seed=0).random(_DRAWS)
+    return points[:, 0], np.asarray(special.ndtri(np.clip(points[:, 1:], 1e-12, 1 - 1e-12)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +99,9 @@ def bands(drift: Drift, offset: str, ahead_years: float = 0.0) -> Iterator[Band]
         yield Band(at, *_interval(drift, j, *_between(drift, j, before, share)))
         if end == last and ahead_years > 0:
             years = ahead_years * np.linspace(0, 1, 13) ** 2
-            mean = np.repeat(drift.smoothed.mean[:, -1, j][:, None], len(years), axis=1)
-            variance = drift.smoothed.covariance[:, -1, j, j][:, None] + drift.rates[:, j, None] ** 2 * years
+            now, covariance = drift.smoothed.last
+            mean = np.repeat(now[:, j, None], len(years), axis=1)
+            variance = covariance[:, j, j, None] + drift.rates[:, j, None] ** 2 * years
             yield Band(times[-1] + years, *_interval(drift, j, mean, variance), forecast=True)
 
 
@@ -115,7 +125,5 @@ def _interval(drift: Drift, j: int, mean: Matrix, variance: Matrix) -> tuple[Mat
     along = np.eye(len(drift.series.names))[j]
     std = np.sqrt(variance[kept] + drift.shared_variance(along))
     weights = drift.weights[kept] / drift.weights[kept].sum()
-    low, high = (
-        mixture_quantile(mean[kept], std, weights, (1 + side * LEVEL) / 2, steps=_STEPS) for side in (-1, 1)
-    )
+    low, high = (mixture_quantile(mean[kept], std, weights, (1 + side * LEVEL) / 2) for side in (-1, 1))
     return low, high

@@ -88,5 +88,5 @@ def normalised(log_weight: Matrix) -> Matrix:
 
 
 def _log_normal(points: Matrix, centre: Matrix, root: Matrix) -> Matrix:
-    z = np.linalg.solve(root, (points - centre).T)
-    return np.asarray(-0.5 * (z**2).sum(axis=0) - np.linalg.slogdet(root)[1])
+    z = (points - centre) @ np.linalg.inv(root).T
+    return np.asarray(-0.5 * np.einsum("ki,ki->k", z, z) - np.linalg.slogdet(root)[1])

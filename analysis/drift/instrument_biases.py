@@ -38,7 +38,7 @@ from ...model.arrays import Index, Matrix
 from .drift import ALARM, LEVEL, Drift, drift, integrated, mixture_interval
 from .drift import allowed as allowed_at
 from .importance import normalised
-from .smoother import Observation, Series, series_of
+from .smoother import Observation, Series, filtered, series_of
 
 Groups = tuple[tuple[str, ...], ...]
 _ROUNDS = 4  # of results corrected by the biases, at most
@@ -261,26 +261,11 @@ def bias_information(series: Series, rates: Matrix, allowed: Matrix, design: Mat
     """(K, q, q) and (K, q): information and score about q biases, at zero, for `rates` (K, m). `design`
     (T, m, q) has what each bias adds to each offset of a result. The states are eliminated."""
     information, vector = series.information()
-    count, size = vector.shape
-    precision = np.zeros((len(rates), count * size, count * size))
-    step_precision = np.where(allowed, 0.0, 1 / (rates[:, None, :] ** 2 * series.gaps[:, None])).reshape(
-        len(rates), -1
-    )
-    for t in range(count):
-        at = slice(t * size, (t + 1) * size)
-        precision[:, at, at] = information[t]
-    before = np.arange((count - 1) * size)
-    after = before + size
-    precision[:, before, before] += step_precision
-    precision[:, after, after] += step_precision
-    precision[:, before, after] -= step_precision
-    precision[:, after, before] -= step_precision
-    flat = design.reshape(count * size, -1)
-    by_design = np.einsum("tij,tjq->tiq", information, design).reshape(count * size, -1)
-    right = np.concatenate([by_design, vector.reshape(-1, 1)], axis=1)
-    states = np.linalg.solve(precision, np.broadcast_to(right, (len(rates), *right.shape)))
-    matrix = flat.T @ by_design - by_design.T @ states[:, :, :-1]
-    score = flat.T @ vector.ravel() - (by_design.T @ states[:, :, -1:])[:, :, 0]
+    by_design = np.einsum("tij,tjq->tiq", information, design)
+    columns = np.concatenate([by_design, vector[:, :, None]], axis=2)
+    explained = np.moveaxis(filtered(series, rates, allowed, columns).explained, -1, 0)
+    matrix = np.einsum("tiq,tir->qr", design, by_design) - explained[:, :-1, :-1]
+    score = np.einsum("tiq,ti->q", design, vector) - explained[:, :-1, -1]
     return (matrix + matrix.transpose(0, 2, 1)) / 2, score
 
 
@@ -301,8 +286,8 @@ def _corrected_from(arm: MeasuredArm, seed: int) -> _CorrectedArm | None:
     if elsewhere == jumps:
         return _informed(series, arm.instruments, arm_drift.rates, arm_drift.weights, arm_drift.allowed)
     allowed = allowed_at(series, elsewhere)
-    rates, log_weight, _, _ = integrated(series, allowed, seed)
-    return _informed(series, arm.instruments, rates, normalised(log_weight), allowed)
+    smoothed, log_weight, _ = integrated(series, allowed, seed)
+    return _informed(series, arm.instruments, smoothed.rates, normalised(log_weight), allowed)
 
 
 def _corrected(arm: _CorrectedArm, shift: Mapping[Column, float], seed: int) -> _CorrectedArm:

@@ -2,15 +2,18 @@
 
     x[t+1] = x[t] + w[t],  w[t] ~ N(0, diag(rate^2) gap[t]);   information J[t], J[t] y[t] of each result
 
-with nothing known of x[0], in information form. The precision of all states is block tridiagonal: forward
-elimination, backward substitution (Rauch, Tung and Striebel). A result that does not determine a direction
-has no information in it and adds nothing. Where a jump is allowed, the walk has no information: 0 in place of
-1 / (rate^2 gap)."""
+with nothing known of x[0], in information form: what the results before a state say of it, and what those
+after it say, by one filter that goes forward and one that goes backward (Fraser and Potter 1969). The noise
+of a step is independent from offset to offset, so a step takes it in one offset after the other, each a
+change of rank one. A result that does not determine a direction has no information in it and adds nothing.
+Where a jump is allowed, the walk has no information: 0 in place of 1 / (rate^2 gap).
+
+The rates are the last axis of every array within: numpy works along it, for all rates at once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -18,6 +21,8 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.errors import UnsoundResult
+
+_AT_ONCE = 256  # rates: what fast memory holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +60,7 @@ class Series:
             np.maximum(np.diff([observation.at for observation in self.observations]), 1 / 8766)
         )
 
-    @property
+    @cached_property
     def observed(self) -> Matrix:
         """(T, m) whether a result determines an offset."""
         return np.array(
@@ -108,75 +113,199 @@ def series_of(
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
-    """For each of K rates: states `mean` (K, T, m) and `covariance` (K, T, m, m); `log_likelihood` (K,) up to
-    a constant; of each interval and offset the `score` (K, T - 1, m), r / sqrt(N) of de Jong and Penzer
-    (1998), standard normal if there is no jump, and `power` (K, T - 1, m), the information N about a jump;
-    `step_variance` (K, T - 1, m) of the change in the interval."""
+class Filtered:
+    """What the results before each of T states say of it, for K rates: `precision` (T, m, m, K) and `vectors`
+    (T, m, c, K), the result of the state itself not included. With all states eliminated, `explained`
+    (c, c, K) is the quadratic form of the vectors, `log_scale` (K,) the logarithm of the factor beside it."""
 
-    mean: Matrix
-    covariance: Matrix
-    log_likelihood: Matrix
-    score: Matrix
-    power: Matrix
-    step_variance: Matrix
+    precision: Matrix
+    vectors: Matrix
+    explained: Matrix
+    log_scale: Matrix
+
+    @staticmethod
+    def of(information: Matrix, vectors: Matrix, variance: Matrix, jumps: Matrix) -> Filtered:
+        """Of results (T, m, m) and (T, m, c) in this order, with the `variance` (T - 1, m, K) of the steps
+        between them, none where one of the `jumps` (T - 1, m) is allowed."""
+        (count, size, columns), rates = vectors.shape, variance.shape[-1]
+        # Behind the last state a step that may be anything: with it the last state is eliminated, too.
+        precision = np.zeros((count + 1, size, size, rates))
+        kept = np.zeros((count + 1, size, columns, rates))
+        steps = np.zeros((count, size, rates))
+        walks = np.logical_not(jumps)[:, :, None]
+        np.divide(1.0, variance, out=steps[:-1], where=walks)
+        totals, pulled = np.empty((count, size, rates)), np.empty((count, size, columns, rates))
+        outer = np.empty((size, size, rates))
+        for t, step in enumerate(steps):
+            known, vector = precision[t + 1], kept[t + 1]
+            np.add(precision[t], information[t][:, :, None], out=known)
+            np.add(kept[t], vectors[t][:, :, None], out=vector)
+            for j in range(size):
+                row, total = known[j], np.add(known[j, j], step[j], out=totals[t, j])
+                pulled[t, j] = vector[j]
+                share, column = step[j] / total, row / np.sqrt(total)
+                # The offset itself without the difference, of which rounding would leave nothing where the
+                # walk is slow, or allowed to jump.
+                of_offset = row * share
+                vector -= row[:, None] * (vector[j] / total)
+                vector[j] = pulled[t, j] * share
+                known -= np.multiply(column[:, None], column, out=outer)
+                known[j] = known[:, j] = of_offset
+        explained = np.einsum("tjck,tjdk->cdk", pulled / totals[:, :, None], pulled)
+        log_scale = -np.log(totals).sum(axis=(0, 1))
+        log_scale -= np.log(variance).sum(axis=(0, 1), where=walks)
+        return Filtered(precision[:-1], kept[:-1], explained, log_scale / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """The states of a series for each of the K `rates` (K, m), where `jumps` (T - 1, m) are allowed; what is
+    not asked for is not computed. `forward` is what the results before each state say of it."""
+
+    series: Series
+    rates: Matrix
+    jumps: Matrix
+    forward: Filtered
+
+    @staticmethod
+    def joined(parts: Sequence[Smoothed]) -> Smoothed:
+        """For the rates of all parts, which are of one series."""
+        arrays = [[getattr(part.forward, field.name) for part in parts] for field in fields(Filtered)]
+        forward = Filtered(*(np.concatenate(array, axis=-1) for array in arrays))
+        return replace(parts[0], rates=np.concatenate([part.rates for part in parts]), forward=forward)
+
+    def at_last(self) -> Smoothed:
+        """The same with the state at the last result alone."""
+        forward = self.forward
+        few = forward.precision[-1:].copy(), forward.vectors[-1:].copy()
+        return replace(self, forward=Filtered(*few, forward.explained, forward.log_scale))
+
+    @cached_property
+    def log_likelihood(self) -> Matrix:
+        """(K,) up to a constant."""
+        return np.asarray(self.forward.log_scale + self.forward.explained[0, 0] / 2)
+
+    @cached_property
+    def last(self) -> tuple[Matrix, Matrix]:
+        """Mean (K, m) and covariance (K, m, m) of the state at the last result."""
+        information, vector = self.series.information()
+        return _state(
+            self.forward.precision[-1] + information[-1][:, :, None],
+            self.forward.vectors[-1, :, 0] + vector[-1][:, None],
+        )
+
+    @cached_property
+    def _backward(self) -> tuple[Matrix, Matrix]:
+        """(T, m, m, K) and (T, m, K): what each result and those after it say of its state."""
+        information, vector = self.series.information()
+        steps = _step_variance(self.series, self.rates)[::-1], self.jumps[::-1]
+        backward = Filtered.of(information[::-1], vector[::-1, :, None], *steps)
+        return (
+            backward.precision[::-1] + information[..., None],
+            backward.vectors[::-1, :, 0] + vector[..., None],
+        )
+
+    def _some(self, rates: slice) -> Smoothed:
+        """For some of the rates."""
+        forward = Filtered(*(getattr(self.forward, field.name)[..., rates] for field in fields(Filtered)))
+        return replace(self, rates=self.rates[rates], forward=forward)
+
+    @property
+    def mean(self) -> Matrix:
+        """(K, T, m) of each state."""
+        return self._states[0]
+
+    @property
+    def covariance(self) -> Matrix:
+        """(K, T, m, m) of each state."""
+        return self._states[1]
+
+    @cached_property
+    def _states(self) -> tuple[Matrix, Matrix]:
+        precision, weighted = self._backward
+        return _state(
+            np.moveaxis(self.forward.precision + precision, 0, 2),
+            np.moveaxis(self.forward.vectors[:, :, 0] + weighted, 0, 1),
+        )
+
+    @cached_property
+    def step_variance(self) -> Matrix:
+        """(K, T - 1, m) of the change from one result to the next."""
+        information, _ = self.series.information()
+        known = np.moveaxis(self.forward.precision[:-1] + information[:-1, :, :, None], 0, 2)
+        block, diagonal = known.copy(), np.arange(len(known))
+        step_precision = 1 / _step_variance(self.series, self.rates)
+        block[diagonal, diagonal] += np.moveaxis(np.where(self.jumps[:, :, None], 0.0, step_precision), 0, 1)
+        left = _inverse(block)
+        # x[t+1] - x[t] = (F + W)^-1 (F x[t+1] - what F y is).
+        stay, covariance = (
+            _product(left, known),
+            np.moveaxis(self.covariance[:, 1:], (2, 3, 1, 0), (0, 1, 2, 3)),
+        )
+        of_next = (_product(stay, covariance) * stay).sum(axis=1)
+        return np.moveaxis(left[diagonal, diagonal] + of_next, (0, 1, 2), (2, 1, 0))
+
+    def jumps_after(self, intervals: Sequence[int]) -> tuple[Matrix, Matrix]:
+        """Of a jump of each offset in each of n intervals (number of the result before), K rates: the `score`
+        (n, m, K), r / sqrt(N) of de Jong and Penzer (1998), standard normal if there is no jump, and the
+        `power` (n, m, K), the information N about a jump, 0 where nothing is known of it."""
+        if len(self.rates) > _AT_ONCE:
+            starts = range(0, len(self.rates), _AT_ONCE)
+            parts = [self._some(slice(k, k + _AT_ONCE)).jumps_after(intervals) for k in starts]
+            return np.concatenate([part[0] for part in parts], -1), np.concatenate(
+                [part[1] for part in parts], -1
+            )
+        at = [t + 1 for t in intervals]
+        (precision, weighted), forward = self._backward, self.forward
+        f, b = (np.moveaxis(one[at], 0, 2) for one in (forward.precision, precision))
+        v, u = (np.moveaxis(one[at], 0, 1) for one in (forward.vectors[:, :, 0], weighted))
+        whole = _inverse(f + b)
+        # N = (F^-1 + B^-1)^-1 = F (F + B)^-1 B: without a difference, of which rounding would leave nothing.
+        power = np.maximum((_product(f, whole) * b).sum(axis=1), 0.0)
+        moved = _applied(f, _applied(whole, u)) - _applied(b, _applied(whole, v))
+        score = np.where(power > 0, moved / np.sqrt(np.where(power > 0, power, 1.0)), 0.0)
+        return np.moveaxis(score, 0, 1), np.moveaxis(power, 0, 1)
 
 
 def smooth(series: Series, rates: Matrix, jumps: Matrix) -> Smoothed:
     """The states for `rates` (K, m) per root year; `jumps` (T - 1, m) says where a jump is allowed."""
-    information, vector = series.information()
-    count, size = vector.shape
-    gaps = series.gaps
-    variance = rates[:, None, :] ** 2 * gaps[:, None]  # (K, T - 1, m)
-    step_precision = np.where(jumps, 0.0, 1 / variance)
-    diagonal = np.arange(size)
-    rows = len(rates)
-    left = np.empty((rows, count, size, size))  # the inverse of each eliminated block
-    reduced = np.empty((rows, count, size))
-    known = np.zeros((rows, count, size, size))  # of each state by the results until then, F
-    known[:] = information
-    log_det = np.zeros(rows)
-    pulled = np.zeros((rows, size))
-    for t in range(count):
-        block = known[:, t].copy()
-        if t < count - 1:
-            block[:, diagonal, diagonal] += step_precision[:, t]
-        reduced[:, t] = vector[t] + pulled
-        left[:, t] = np.linalg.inv(block)
-        log_det += np.linalg.slogdet(block)[1]
-        if t < count - 1:
-            # What is left of F after the step: W - W (F + W)^-1 W without the difference, of which rounding
-            # leaves nothing where the walk is slow.
-            carried = step_precision[:, t, :, None] * left[:, t]
-            passed = carried @ known[:, t]
-            known[:, t + 1] += (passed + passed.transpose(0, 2, 1)) / 2
-            pulled = _times(carried, reduced[:, t])
-    mean, covariance = np.empty((rows, count, size)), np.empty((rows, count, size, size))
-    score, power, changed = (np.zeros((rows, count - 1, size)) for _ in range(3))
-    mean[:, -1] = _times(left[:, -1], reduced[:, -1])
-    covariance[:, -1] = left[:, -1]
-    for t in range(count - 2, -1, -1):
-        w = step_precision[:, t]
-        gain = left[:, t] * w[:, None, :]
-        pull = reduced[:, t] + w * mean[:, t + 1]
-        mean[:, t] = _times(left[:, t], pull)
-        covariance[:, t] = left[:, t] + gain @ covariance[:, t + 1] @ gain.transpose(0, 2, 1)
-        # x[t+1] - x[t] = (F + W)^-1 (F x[t+1] - what F y is), again without the difference.
-        stay = left[:, t] @ known[:, t]
-        of_step = ((stay @ covariance[:, t + 1]) * stay).sum(axis=2)
-        changed[:, t] = left[:, t][:, diagonal, diagonal] + of_step
-        jump_information = w * stay[:, diagonal, diagonal] - w**2 * of_step
-        power[:, t] = np.maximum(jump_information, 0.0)
-        moved = _times(known[:, t], mean[:, t + 1]) - reduced[:, t]
-        step = w * _times(left[:, t], moved)
-        score[:, t] = np.where(
-            power[:, t] > 0, step / np.sqrt(np.where(power[:, t] > 0, jump_information, 1.0)), 0.0
-        )
-    walked = np.where(jumps, 0.0, np.log(variance)).sum(axis=(1, 2))
-    quadratic = (vector * mean).sum(axis=(1, 2))
-    return Smoothed(mean, covariance, (quadratic - log_det - walked) / 2, score, power, changed)
+    vectors = series.information()[1][:, :, None]
+    return Smoothed(series, rates, jumps, filtered(series, rates, jumps, vectors))
 
 
-def _times(matrices: Matrix, vectors: Matrix) -> Matrix:
-    """(K, m) of (K, m, m) and (K, m)."""
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+def filtered(series: Series, rates: Matrix, jumps: Matrix, vectors: Matrix) -> Filtered:
+    """What the results say of the states, for c columns in place of their values (T, m, c)."""
+    return Filtered.of(series.information()[0], vectors, _step_variance(series, rates), jumps)
+
+
+def _step_variance(series: Series, rates: Matrix) -> Matrix:
+    """(T - 1, m, K) of the walk from one result to the next."""
+    return np.asarray(series.gaps[:, None, None] * rates.T**2)
+
+
+def _state(precision: Matrix, vector: Matrix) -> tuple[Matrix, Matrix]:
+    """Mean (K, …, m) and covariance (K, …, m, m) of information (m, m, …, K) and (m, …, K)."""
+    covariance = _inverse(precision)
+    mean = _applied(covariance, vector)
+    return np.moveaxis(mean, 0, -1).swapaxes(0, -2), np.moveaxis(covariance, (0, 1), (-2, -1)).swapaxes(0, -3)
+
+
+def _inverse(matrices: Matrix) -> Matrix:
+    """(m, m, …) of symmetric positive definite ones, by sweeps (Goodnight 1979)."""
+    swept = matrices.copy()
+    for k in range(len(swept)):
+        pivot, column = swept[k, k].copy(), swept[:, k].copy()
+        row = column / pivot
+        swept -= column[:, None] * row
+        swept[k], swept[:, k], swept[k, k] = row, row, -1 / pivot
+    return -swept
+
+
+def _product(one: Matrix, other: Matrix) -> Matrix:
+    """(m, m, …) of two of these."""
+    return np.asarray(sum(one[:, k, None] * other[k] for k in range(len(other))))
+
+
+def _applied(matrices: Matrix, vectors: Matrix) -> Matrix:
+    """(m, …) of (m, m, …) and (m, …)."""
+    return np.asarray((matrices * vectors).sum(axis=1))

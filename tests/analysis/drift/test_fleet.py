@@ -34,7 +34,7 @@ def normal_likelihood(centres: Matrix, std: float) -> list[fleet._Cloud]:
         passes = [(np.array([math.log(MEDIAN)]), np.array([[SPREAD]])), (np.array([centre]), np.eye(1))]
         points = np.concatenate([c + random.normal(size=(4000, 1)) @ root for c, root in passes])
         log_likelihood = stats.norm(centre, std).logpdf(points[:, 0])
-        series, none = walked(random, (0.01, 0.01), 3), np.zeros((2, 2))
+        series, none = without(walked(random, (0.01, 0.01), 3), NAMES[1], range(3)), np.zeros((2, 1))
         found.append(fleet._Cloud(series, none, points, log_likelihood, passes, np.array([0])))
     return found
 

@@ -86,7 +86,7 @@ def test_it_is_the_dense_answer(jump: tuple[int, int] | None) -> None:
 def test_the_score_is_that_of_a_jump_that_is_fitted() -> None:
     own, rates = series(2), np.array([[0.05, 0.2, 0.1]])
     none = np.zeros((5, 3), dtype=bool)
-    found = smooth(own, rates, none)
+    score, power_of = smooth(own, rates, none).jumps_after(range(5))
     for t, j in ((1, 0), (3, 2)):
         # A jump moves every later result: the log-likelihood over its size is a parabola.
         def shifted(size: float, t: int = t, j: int = j) -> float:
@@ -103,8 +103,8 @@ def test_the_score_is_that_of_a_jump_that_is_fitted() -> None:
         low, middle, high = shifted(-1.0), shifted(0.0), shifted(1.0)
         power = 2 * middle - low - high
         best = (high - low) / 2 / power
-        assert found.power[0, t, j] == pytest.approx(power, rel=1e-6)
-        assert found.score[0, t, j] == pytest.approx(best * np.sqrt(power), rel=1e-6)
+        assert power_of[t, j, 0] == pytest.approx(power, rel=1e-6)
+        assert score[t, j, 0] == pytest.approx(best * np.sqrt(power), rel=1e-6)
 
 
 def test_what_a_result_does_not_determine_adds_nothing() -> None:
@@ -129,12 +129,12 @@ def test_without_a_walk_a_jump_is_the_difference_of_two_means(rate: float) -> No
     and the score is the part of their difference that the other offsets do not explain."""
     own = series(lost=())
     information, vector = own.information()
-    smoothed = smooth(own, np.full((1, 3), rate), np.zeros((5, 3), dtype=bool))
+    scores, powers = smooth(own, np.full((1, 3), rate), np.zeros((5, 3), dtype=bool)).jumps_after(range(5))
     for t in range(5):
         before, after = information[: t + 1].sum(axis=0), information[t + 1 :].sum(axis=0)
         precision = np.linalg.inv(np.linalg.inv(before) + np.linalg.inv(after))
         apart = np.linalg.solve(after, vector[t + 1 :].sum(axis=0))
         apart = apart - np.linalg.solve(before, vector[: t + 1].sum(axis=0))
-        np.testing.assert_allclose(smoothed.power[0, t], np.diag(precision), rtol=1e-3)
+        np.testing.assert_allclose(powers[t, :, 0], np.diag(precision), rtol=1e-3)
         score = precision @ apart / np.sqrt(np.diag(precision))
-        np.testing.assert_allclose(smoothed.score[0, t], score, rtol=1e-3, atol=1e-3)
+        np.testing.assert_allclose(scores[t, :, 0], score, rtol=1e-3, atol=1e-3)
