@@ -28,7 +28,7 @@ from ..model.errors import BadInput, UnsoundResult
 from ..model.files.header import Header
 from ..model.likelihood.parameters import Parameter
 from ..model.likelihood.problem import Problem
-from ..model.records import internal, it, record
+from ..model.records import internal, it, record, worded
 from .covariance import Covariance, Rows, ValuesByName, frame
 from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
@@ -71,6 +71,9 @@ class ParameterResult(JudgedRow, ParameterRow):
         float | None,
         it("the paper's fit; null if unidentifiable or held, if that fit failed, and of a noise factor"),
     ]
+    trusted: Annotated[
+        str | None, worded("why the offset can be trusted or not, in a few words: of the first page")
+    ] = None
     dof: Annotated[float, internal] = math.inf
 
     def __post_init__(self) -> None:
@@ -81,8 +84,9 @@ class ParameterResult(JudgedRow, ParameterRow):
 
     @property
     def absent(self) -> tuple[str, ...]:
-        """Keys that only the row of an offset has."""
-        return () if self.group == "offset" else ("tolerance_share",)
+        """Keys that only the row of an offset has, `trusted` in a result."""
+        words = () if self.trusted else ("trusted",)
+        return words if self.group == "offset" else ("tolerance_share", *words)
 
     def interval(self, level: float = 0.95) -> tuple[float, float] | None:
         """The central interval that holds `level` of the probability, such as 0.68, by the curvature.

@@ -28,7 +28,7 @@ from ..reports.run.residuals import draw_residuals, residuals_picture
 from ..reports.run.run_scene import run_turnable
 from ..reports.style.blocks import Page
 from ..words.finding_words import likelihood_message, posterior_message
-from ..words.message import offered
+from ..words.message import message, offered
 from ..words.sentences import to_json
 from ..words.wording import clipped, counted
 from .checked_arguments import require_axes, require_kind, require_progress
@@ -140,7 +140,7 @@ class Analysed(ShownPage, Analysis):
         """What to enter into a controller with nominal geometry, degrees (mm) by offset: values that make up
         for links that deviate too. Empty where nothing may be entered; `result.entered` has the error of the
         TCP to expect."""
-        values = offered(self.result)
+        values = offered(self.result, message(self.result))
         units = {row.name: row.unit for row in self.offsets}
         return ValuesByName({} if values is None else values.values, units, self.status)
 

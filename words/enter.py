@@ -15,8 +15,8 @@ WHY_THEY_DIFFER = (
     " also make up for links that deviate and joints that deflect, as far as offsets can. The U of a value"
     " includes how well these are known: it may be larger than that of the offset."
 )
-U_OF_VALUES = "U is of the value here; of the offset alone in the verdict."
-ALL_OR_NONE = f"Enter all or none. {U_OF_VALUES}"  # they were fitted together
+U_OF_VALUES = "Values make up for links too: their U is larger than the offsets' above."
+ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is larger."  # fitted together
 NOT_CLAIMED = "Their gain at the TCP is not claimed: it depends on an undetermined offset."
 TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on an undetermined offset."
 TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."
@@ -67,9 +67,9 @@ def floor_sentence(result: Result) -> str | None:
     return f"{alone} even if they are known exactly, since the links deviate: {after} is reached."
 
 
-def links_step(result: Result) -> tuple[str, str] | None:
+def links_step(result: Result, *, enter: bool = True) -> tuple[str, str] | None:
     """What a controller or program gains that takes links too, and the command that writes them; None where
-    there is nothing to say."""
+    there is nothing to say. Without `enter`, what is gained is said alone."""
     entered, whole = result.entered, result.entered_geometry
     if entered is None or whole is None or entered.tcp_after is None or whole.tcp_after is None:
         return None
@@ -79,8 +79,8 @@ def links_step(result: Result) -> tuple[str, str] | None:
     command, file = links_command(result.inputs.vendor, result.inputs.header.get("robot"))
     text = (
         f"{floor_sentence(result) or ''} Where the links can be entered too (ROS, RoboDK, a controller with"
-        f" absolute accuracy), {median} is left, and less than {p95} in 95 % of the postures: enter these"
-        " instead of the values above."
+        f" absolute accuracy), {median} is left, and less than {p95} in 95 % of the postures"
+        f"{': enter these instead of the values above' if enter else ''}."
     )
     return text.strip(), f"zerobeam {command} {run_argument(result.inputs.run)} -o {file}"
 

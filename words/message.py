@@ -201,18 +201,19 @@ def result_words(result: Result) -> str:
 # What comes after the action
 
 
-def offered(result: Result) -> Entered | None:
-    """The values to enter, where they may be entered: one rule for all who show them."""
+def offered(result: Result, content: Message) -> Entered | None:
+    """The values to enter, where they may be entered: one rule for all who show them. `content` is the
+    message of the result."""
     inputs = result.inputs
     nominal = lacks_factory_calibration(inputs.vendor, inputs.header.get("robot"))
     if result.verdict != "pass" or (nominal and not is_simulated(inputs.provenance)):
         return None
-    return result.entered if message(result).may.export else None
+    return (result.enter or result.entered) if content.may.export else None  # of a file, or of an analysis
 
 
 def next_steps(result: Result, content: Message) -> NextSteps:
     """What to do with an answer, whatever its verdict; the first step is the action of its message."""
-    action, entered = content.action, offered(result)
+    action, entered = content.action, offered(result, content)
     first = NextStep(action.text, () if action.command is None else (action.command,))
     if entered is None:
         return NextSteps((), (first, *_alone(result)))
@@ -230,12 +231,15 @@ def next_steps(result: Result, content: Message) -> NextSteps:
             (f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
         )
     gain = [enter_sentence(result), conformity_sentence(result)]
-    links = links_step(result) if offsets else None
+    links = links_step(result, enter=content.may.enter) if offsets else None
     if offsets:
         gain.append(WHY_THEY_DIFFER if result.entered_geometry else None)
     values = _values(result, entered) if offsets else ()
-    more = () if links is None else (NextStep(links[0], (links[1],)),)
-    return NextSteps(values, (first, *more, NextStep(" ".join(filter(None, gain))), verify))
+    more = () if links is None else (NextStep(links[0], (links[1],) if content.may.enter else ()),)
+    gained = NextStep(" ".join(filter(None, gain)))
+    # Of no robot there is nothing to verify.
+    last = () if is_simulated(result.inputs.provenance) else (verify,)
+    return NextSteps(values, (first, *more, gained, *last))
 
 
 def _alone(result: Result) -> tuple[NextStep, ...]:

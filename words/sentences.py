@@ -21,6 +21,7 @@ from ..analysis.observability.check import Check
 from ..analysis.pendant_check.pose_check import PendantCheck
 from ..analysis.posterior.posterior import PosteriorSummary
 from ..analysis.repeatability.compare import ComparedRun, Comparison
+from ..analysis.solution import ParameterTable
 from ..analysis.tcp_region import TcpRegion
 from ..model import records
 from . import comparison
@@ -40,6 +41,7 @@ from .observability import direction_remedy, reason, reason_of
 from .pendant_check import check_sentences
 from .plan_words import check_notes
 from .region_words import region_words
+from .trust import tolerances_of, trusted
 
 
 def _failure(run: ComparedRun) -> str | None:
@@ -76,9 +78,16 @@ def to_json(answer: object) -> Any:
 
 def in_words(result: Result) -> Result:
     """The result with what it says first, what may be entered, and what to do."""
-    first, entered = message(result), offered(result)
+    first = message(result)
+    entered = offered(result, first)
+    k, tolerances = result.coverage_factor, tolerances_of(result.inputs.header)
+    rows = (
+        replace(row, trusted=trusted(row, k, tolerances)) if row.group == "offset" else row
+        for row in result.parameters
+    )
     return replace(
         result,
+        parameters=ParameterTable(rows),
         message=first,
         headline=headline(result),
         enter=entered,

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 from starlette.exceptions import HTTPException
 
 from ...analysis.answer.answer_message import Action
+from ...analysis.answer.result import parse_result
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
@@ -24,6 +25,7 @@ from ...model.parsing.confinement import WITHIN
 from ...model.records import it, record, to_json
 from ...words.numbers import TimeLeft
 from .answers.actions import action_of_result
+from .answers.results import first_page
 from .folder import Folder
 from .started_runs import StartedRuns, run_file
 
@@ -67,6 +69,7 @@ class JobWhole(JobBrief):
 
     log: Annotated[list[str], it("the last lines of standard error")]
     answer: Annotated[Any, it("the JSON that the command printed")]
+    front: Annotated[str | None, it("of an analysis: tables and bars of its first page, as HTML")]
 
 
 class AppJob:
@@ -81,6 +84,7 @@ class AppJob:
         self.log: deque[str] = deque(maxlen=MOST_LOG)
         self.status: int | None = None
         self.answer: Any = None
+        self.front: str | None = None
         self.process: asyncio.subprocess.Process | None = None
         self.cancelled = False
         self.task: asyncio.Task[None] | None = None
@@ -118,7 +122,7 @@ class AppJob:
 
     def whole(self) -> JobWhole:
         """With log and answer."""
-        return JobWhole(**vars(self.brief()), log=list(self.log), answer=self.answer)
+        return JobWhole(**vars(self.brief()), log=list(self.log), answer=self.answer, front=self.front)
 
     async def tell(self, kind: str, data: Any) -> None:
         """Add an event, for all who follow."""
@@ -348,6 +352,8 @@ async def _answer(job: AppJob, stream: asyncio.StreamReader) -> None:
     text = b"".join(parts).decode("utf-8", "replace")
     try:
         job.answer = json.loads(text) if text.strip() and size <= LARGEST_ANSWER else None
+        if job.command[0] == "analyse" and job.answer is not None:
+            job.front = first_page(parse_result(text))
     except ValueError:
         job.log.extend(text.splitlines())
 

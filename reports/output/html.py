@@ -14,7 +14,7 @@ from typing import Literal
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from ..style.blocks import Page, Table
+from ..style.blocks import Block, Page, Table
 from ..style.canvas import MovingPicture, Picture, themed
 from ..style.palette import css_variables
 from ..style.typeface import FAMILY, Cut, font_file
@@ -159,3 +159,9 @@ def card(page: Page | None, tables: Sequence[Table]) -> str:
     return template("card.html.j2").render(
         view=page, tables=tables, css=Markup(_coloured(template_text("card.css")))
     )
+
+
+def fragment(blocks: Sequence[Block]) -> str:
+    """Tables, bars and paragraphs of a page as HTML for a page that has the style sheet; figures are left
+    out."""
+    return template("blocks.html.j2").render(blocks=blocks)

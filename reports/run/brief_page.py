@@ -64,7 +64,7 @@ def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Sectio
         [],
         [section for section in present if section is not None],
         message=first,
-        front=front(result),
+        front=front(result, content),
         band=BAND if is_simulated(result.inputs.provenance) else "",
     )
 
@@ -102,7 +102,8 @@ def brief_page(result: Result) -> Page:
         predicted_run_section(result),
         None if wrong else intervals_section(result),
     ]
-    return replace(page_of("", "", result, sections), front=front(result, remedies=False))
+    page = page_of("", "", result, sections)
+    return replace(page, front=front(result, message(result), remedies=False))
 
 
 def ended_page(answer: Ended) -> Page:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.values_to_enter import Entered, TcpError
 from ...analysis.solution import ParameterResult
@@ -13,7 +14,7 @@ from ...words import numbers
 from ...words.case import RunCase
 from ...words.controllers import taken_by
 from ...words.enter import ALL_OR_NONE, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT, U_OF_VALUES
-from ...words.message import message, offered
+from ...words.message import offered
 from ...words.numbers import unit_of
 from ...words.region_words import region_words
 from ...words.trust import above, tolerances_of, trusted
@@ -24,17 +25,17 @@ from .outlook_section import outlook_blocks
 from .workspace import NAME as MAP
 
 
-def front(result: Result, *, remedies: bool = True) -> list[Block]:
-    """The blocks; of a wrong model there is none that could be taken for an answer. Without `remedies` where
-    all of them are said below."""
-    return list(_blocks(result, remedies))
+def front(result: Result, content: Message, *, remedies: bool = True) -> list[Block]:
+    """The blocks under the message `content`; of a wrong model there is none that could be taken for an
+    answer. Without `remedies` where all of them are said below."""
+    return list(_blocks(result, content, remedies))
 
 
-def _blocks(result: Result, remedies: bool) -> Iterator[Block]:
+def _blocks(result: Result, content: Message, remedies: bool) -> Iterator[Block]:
     if result.misfit is not None:
         yield Paragraph(TCP_OF_A_MISFIT)
         return
-    entered, may = offered(result), message(result).may
+    entered, may = offered(result, content), content.may
     offsets = [row for row in result.parameters if row.group == "offset"]
     head, values = "offset", None
     if entered is not None and taken_by(result.inputs.vendor) == "offsets":
@@ -43,7 +44,7 @@ def _blocks(result: Result, remedies: bool) -> Iterator[Block]:
     yield offsets_front(offsets, result.coverage_factor, tolerances, head, values, doubted=not may.export)
     if result.null_motion is not None:
         yield FigureBlock(NAME)
-    yield _tcp(result, entered)
+    yield from _tcp(result, entered)
     planned = RunCase.of_result(result).planned
     if remedies:
         yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
@@ -79,7 +80,7 @@ def _row(
     doubted: bool,
 ) -> Row:
     """One joint. What is not determined, and of values to enter what is not entered, has no number."""
-    (name,), why = joints([row.name]), Cell(trusted(row, k, tolerances), mark=row.status)
+    (name,), why = joints([row.name]), Cell(row.trusted or trusted(row, k, tolerances), mark=row.status)
     tone = row.status
     if row.held:
         return row_of(name, "", "", why, tone=tone)
@@ -102,18 +103,20 @@ def _row(
     return row_of(name, numbers.estimate(value, u, unit), numbers.spread(u, unit), why, tone=tone)
 
 
-def _tcp(result: Result, offered: Entered | None) -> Block:
+def _tcp(result: Result, offered: Entered | None) -> Iterator[Block]:
     """The error of the TCP as it is, and with the values that are offered, or with the corrected model, which
-    has the links too."""
+    has the links too. A file has it of what is offered alone."""
     entered, after = offered or result.entered, "entered"
     if taken_by(result.inputs.vendor) != "offsets":
-        entered, after = result.entered_geometry or entered, "corrected"
+        entered, after = result.enter_geometry or result.entered_geometry or entered, "corrected"
     if entered is None or entered.tcp_before is None or entered.tcp_after is None:
-        return Paragraph(TCP_NOT_CLAIMED)
+        if result.next_steps is None or result.accuracy.workspace is None:
+            yield Paragraph(TCP_NOT_CLAIMED)
+        return
     bars = [_bar("now", entered.tcp_before, "held")]
     if offered is not None:
         bars.append(_bar(after, entered.tcp_after, "identified"))
-    return Bars(f"TCP error, median (95 % stay below), {region_words(result.region)}", bars)
+    yield Bars(f"TCP error, median (95 % stay below), {region_words(result.region)}", bars)
 
 
 def _bar(name: str, error: TcpError, tone: str) -> Bar:

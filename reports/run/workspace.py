@@ -321,7 +321,8 @@ def _base(axes: Axes, plane: str) -> None:
     bottom, top = axes.get_ylim()
     if plane == "horizontal":
         axes.plot([0], [0], "+", markersize=8, markeredgewidth=1.2, color=ink, zorder=4)
-        text = axes.annotate("base", (0, 0), (4, 3), textcoords="offset points", zorder=4)
+        # Below the mark: the number of a posture is above its own.
+        text = axes.annotate("base", (0, 0), (4, -11), textcoords="offset points", zorder=4)
         text.set_bbox({"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85})
     elif bottom <= 0 <= top:
         axes.axhline(0, color=ink, linewidth=0.8, linestyle=DASHES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -55,6 +56,26 @@ def test_nothing_may_be_entered_of_what_is_not_determined(client: TestClient, th
     unknown = [row for row in shown["parameters"] if row["status"] == "unidentifiable"]
     assert unknown
     assert all(row["estimate"] is row["std"] is row["interval95"] is None for row in unknown)
+    rows = re.findall(r"<tr.*?</tr>", shown["front"], re.DOTALL)
+    row = next(each for each in rows if "<bdi>J2</bdi>" in each)
+    assert "not determined" in row
+    assert "°" not in row.replace("U > 0.2°", "")
+
+
+def test_the_first_page_is_that_of_the_report(client: TestClient, there: Path) -> None:
+    """Its tables and bars, by their texts; without style or script, which the page does not allow."""
+    front = _result(client)["front"]
+    assert re.search(r"<(script|style)|\bstyle=|\bon\w+=", front) is None
+    report = _texts((there / "good/report.html").read_text())
+    for text in _texts(front):
+        assert text in report
+    assert "corrected reading" not in front  # of a simulated run nothing is entered
+    assert "would enter" in front
+    assert "TCP error, median (95 % stay below)" in front
+
+
+def _texts(page: str) -> list[str]:
+    return [text for text in re.split(r"<[^>]*>|\n", page) if text.strip()]
 
 
 # How each stands in the list of the history: with its error, or not at all where it is none of ours.
@@ -85,6 +106,7 @@ def test_a_result_of_before_there_were_next_steps_offers_none(client: TestClient
     del answer["next_steps"]
     file.write_text(json.dumps(answer))
     assert _result(client)["next_steps"] is None
+    assert _result(client)["front"] is None
 
 
 def test_a_result_that_is_too_large_is_refused(client: TestClient, there: Path) -> None:

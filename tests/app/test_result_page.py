@@ -23,6 +23,7 @@ from zerobeam.model.files.run import write_run
 pytestmark = pytest.mark.browser
 
 WORD = "document.querySelector('.top-message .word').textContent"
+FIRST = "[...document.querySelector('.front table').tBodies[0].rows]"
 CHOSEN = "document.querySelector('.chosen').textContent"
 CHANGES = "[...document.querySelectorAll('.measurements td.change')].map((e) => e.textContent)"
 DRAWN = "document.querySelector('.pairs canvas').toDataURL()"
@@ -78,7 +79,7 @@ def test_a_measurement_is_left_out_and_taken_back(quick: str, reported: Path) ->
         assert tab.value("location.hash") == "#/job/good/result"
         assert tab.value(WORD).startswith(stated["message"]["verdict"])
         assert stated["message"]["action"]["text"] in tab.text
-        entered = tab.value("[...document.querySelectorAll('.enter .copy')].map((e) => e.textContent)")
+        entered = tab.value(f"{FIRST}.map((row) => row.cells[1].textContent.trim()).filter(Boolean)")
         assert entered == [own["value"] for own in stated["next_steps"]["enter"]]
         before = tab.value(cell("delta2", ".u"))
         tab.value(f"{box(2)}.click()")
@@ -141,7 +142,8 @@ def test_what_is_not_determined_has_no_number_and_no_value_to_enter(quick: str) 
     with result(quick, "x-pattern") as tab:
         assert "degenerate" in tab.value(WORD)
         assert tab.value(cell("delta2", ".u")) == "not determined"
-        assert tab.value("document.querySelector('.enter')") is None
+        assert tab.value(f"{FIRST}[1].cells[1].textContent.trim()") == "not determined"
+        assert "enter" not in tab.value("document.querySelector('.front table').tHead.textContent")
         unfold(tab, "Posterior of the offsets, pair by pair")
         wait(tab, "document.body.innerText.includes('J2 (δ2): prior only')")
         unfold(tab, "Choose draws by numbers")
@@ -214,7 +216,8 @@ def test_it_loads_from_the_server_alone_and_leaves_nobody_out(address: str, size
 def test_a_misfit_comes_first_and_offers_nothing(address: str, folder: Path) -> None:
     with result(address, "odd") as tab:
         assert tab.value(WORD).lower().startswith("misfit")
-        assert tab.value("document.querySelector('.enter')") is None
+        assert tab.value("document.querySelector('.front table')") is None
+        assert "TCP error: not claimed" in tab.text
         assert "Enter nothing." in tab.text
         assert tab.value(cell("delta2", ".status")) == "▲ unvalidated"
         unfold(tab, "Export to a controller")

@@ -88,7 +88,7 @@ def in_app(folder: Path) -> Numbers:
     with app(folder) as server, chromium().opened(f"{server.address}#/job/arm/result") as tab:
         wait(tab, "document.querySelector('.offsets')")
         return in_table(tab, "document.querySelector('.offsets')") | in_table(
-            tab, "document.querySelector('.enter')", "enter "
+            tab, "document.querySelector('.front table')", "enter "
         )
 
 

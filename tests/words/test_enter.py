@@ -55,7 +55,7 @@ def test_a_value_has_the_status_of_its_own_u() -> None:
     assert passed().parameters.named(weak).status == "identified"
     advice = next_steps(passed(), message(passed()))
     assert {row.name: row.status for row in advice.enter} == entered.status
-    table = next(block for block in front(passed()) if isinstance(block, Table))
+    table = next(block for block in front(passed(), message(passed())) if isinstance(block, Table))
     marks = {row.cells[0].text: row.cells[-1].mark for row in table.rows}
     assert [marks[f"J{row.name.removeprefix('delta')}"] for row in advice.enter] == [
         row.status for row in advice.enter
@@ -129,7 +129,7 @@ def test_a_table_has_the_value_and_the_offset_of_the_arm() -> None:
     )
     assert row.estimate is not None
     assert row.estimate.startswith(f"\u2212{abs(estimate):.2f}"[:4])
-    assert offered(replace(values(), entered=None)) is None
+    assert offered(replace(values(), entered=None), message(values())) is None
 
 
 @pytest.mark.parametrize(

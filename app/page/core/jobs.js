@@ -4,7 +4,7 @@ import { get, post, Refused, remove } from "./api.js";
 
 /**
  * @typedef {{id: string, command: string[], state: "waiting" | "running" | "done" | "stopped" | "failed", share: number, stage: string,
- *   left_s: number | null, left_at_least: boolean, status: number | null, asks: "lines" | "confirm" | null, log: string[], answer: any,
+ *   left_s: number | null, left_at_least: boolean, status: number | null, asks: "lines" | "confirm" | null, log: string[], answer: any, front: string | null,
  *   lost: boolean, gone: boolean}} JobState `lost`: no connection; `gone`: the server does not know it any more
  * @typedef {{id: string, state: import("@preact/signals").Signal<JobState>, ended: Promise<JobState>, cancel: () => Promise<void>, say: (text: string) => Promise<void>, close: () => void}} Followed
  */
@@ -38,7 +38,7 @@ export async function begin(command, { password, run } = {}) {
 export function follow(id, run = () => {}) {
   const path = `/api/jobs/${encodeURIComponent(id)}`;
   /** @type {import("@preact/signals").Signal<JobState>} */
-  const state = signal({ id, command: [], state: "waiting", share: 0, stage: "", left_s: null, left_at_least: false, status: null, asks: null, log: [], answer: null, lost: false, gone: false });
+  const state = signal({ id, command: [], state: "waiting", share: 0, stage: "", left_s: null, left_at_least: false, status: null, asks: null, log: [], answer: null, front: null, lost: false, gone: false });
   /** @type {(job: JobState) => void} */
   let resolve = () => {};
   /** @type {Promise<JobState>} */

@@ -72,7 +72,7 @@ async function test() {
   const job = await done(["analyse", imported.written], "Testing unit, signs and order by a fit");
   if (job?.answer == null || outcome.value !== imported) return;
   outcome.value = { ...imported, fit: job.answer };
-  keepAnalysis(job.answer, imported.written);
+  keepAnalysis(job, imported.written);
   if (!job.answer.diagnosis.length) toResult();
 }
 

@@ -43,7 +43,7 @@ export function Bare({ run, analysed }) {
     const job = await begin(["analyse", run]);
     made.value = { job, title: `Analysis of ${run}` };
     const ended = await job.ended;
-    if (ended.state === "done" && ended.answer) showAnalysis(ended.answer);
+    if (ended.state === "done" && ended.answer) showAnalysis(ended);
   });
   return html`
     <section class="bare" aria-label="A run without a report">

@@ -1,4 +1,4 @@
-// Values to enter and the offsets: with their expanded uncertainty and status, beside them what a fit without some measurements says.
+// The first page of the report, and the offsets: with their expanded uncertainty and status, beside them what a fit without some measurements says.
 import { html } from "htm/preact";
 import { capital, fixed, marked, named, sentence, SHAPES, WORDS } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
@@ -7,17 +7,10 @@ import { refitFault, refitted, shift, single } from "./state.js";
 
 /** @typedef {import("./types.js").Found} Found */
 
-/** @param {{found: Found, simulated: boolean}} props */
-export function Enter({ found, simulated }) {
-  const next = found.next_steps;
-  if (next === null) return html`<p>This result is of an earlier version, which does not say it here. Make the report of the run again; until then enter nothing.</p>`;
-  if (!next.enter.length) return null;
-  return html`
-    <div class="scroll" tabindex="0" role="region" aria-label="Values to enter"><table class="enter">
-      <caption>${simulated && html`<strong class="simulated">SIMULATED</strong> `}Values to enter: corrected reading = recorded position + value</caption>
-      <thead><tr><th scope="col">joint</th><th scope="col" class="right">to enter</th><th scope="col" class="right">U</th><th scope="col">status</th><th scope="col" class="right">offset of the arm</th></tr></thead>
-      <tbody>${next.enter.map((row) => html`<tr key=${row.name} data-enter=${row.name}><th scope="row">${named(row.name)}</th><td class="right copy">${row.value}</td><td class="right">${row.expanded_u}</td><td>${row.status ? marked(row.status) : ""}</td><td class="right">${row.estimate ?? ""}</td></tr>`)}</tbody>
-    </table></div>`;
+/** What the first page of the report has: values and their U, what they gain, what would make it better. @param {{found: Found}} props */
+export function Front({ found }) {
+  if (found.front === null) return html`<p>This result is of an earlier version, which does not say what to enter. Make the report of the run again; until then enter nothing.</p>`;
+  return html`<div class="front" dangerouslySetInnerHTML=${{ __html: found.front }} />`;
 }
 
 /** What else there is to do, after the action of the message. @param {{found: Found}} props */

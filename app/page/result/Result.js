@@ -14,7 +14,7 @@ import { Downloads, ReportLink } from "./Downloads.js";
 import { Exports } from "./Exports.js";
 import { History } from "./History.js";
 import { Measurements } from "./Measurements.js";
-import { Enter, Offsets, Steps } from "./Offsets.js";
+import { Front, Offsets, Steps } from "./Offsets.js";
 import { Pairs } from "./Pairs.js";
 import { Picture } from "./Picture.js";
 import { MyPrograms } from "./MyPrograms.js";
@@ -74,7 +74,7 @@ function Inspector({ found }) {
     ${bareRun.value && html`<${Bare} key=${bareRun.value} run=${bareRun.value} analysed=${true} />`}
     <div class="bar"><${ReportLink} found=${found} /></div>
     ${why.length > 0 && html`<ul class="notes">${why.map((one) => html`<li>${sentence(one)}</li>`)}</ul>`}
-    <${Enter} found=${found} simulated=${isSimulated(found)} />
+    <${Front} found=${found} />
     <${Offsets} found=${found} />
     <${Fold} title="What to do next"><${Steps} found=${found} /><//>
     ${found.run && html`<${Fold} title="Export to a controller"><${Exports} key=${found.run} run=${found.run} /><//>

@@ -6,6 +6,7 @@ import { named } from "../core/words.js";
 
 /** @typedef {import("./types.js").Found} Found */
 /** @typedef {import("./types.js").Refit} Refit */
+/** @typedef {{answer: any, front: string | null}} Analysis a job that has ended */
 
 /** @type {import("@preact/signals").Signal<Found | null>} */
 export const open = signal(null);
@@ -47,13 +48,13 @@ function clear() {
   ranges.value = {};
 }
 
-/** What `analyse` printed, as the page shows a result. @param {any} answer @param {string} run @returns {Found} */
-function analysisOf(answer, run) {
-  return { ...answer, file: "", run, report: null, posterior_file: null, files: [], origin: answer.inputs.header.provenance ?? {}, posterior: { converged: false, message: "The posterior is drawn with the report." } };
+/** What `analyse` printed, as the page shows a result. @param {Analysis} job @param {string} run @returns {Found} */
+function analysisOf({ answer, front }, run) {
+  return { ...answer, front, file: "", run, report: null, posterior_file: null, files: [], origin: answer.inputs.header.provenance ?? {}, posterior: { converged: false, message: "The posterior is drawn with the report." } };
 }
 
-/** An analysis is there without being made again, as long as the page is open. @param {any} answer @param {string} run */
-export const keepAnalysis = (answer, run) => { analyses.set(run, analysisOf(answer, run)); };
+/** An analysis is there without being made again, as long as the page is open. @param {Analysis} job @param {string} run */
+export const keepAnalysis = (job, run) => { analyses.set(run, analysisOf(job, run)); };
 
 /** @param {string} file @param {boolean} isRun */
 export async function show(file, isRun) {
@@ -75,10 +76,10 @@ export async function show(file, isRun) {
   }
 }
 
-/** @param {any} answer */
-export function showAnalysis(answer) {
+/** @param {Analysis} job */
+export function showAnalysis(job) {
   const run = bareRun.value;
-  keepAnalysis(answer, run);
+  keepAnalysis(job, run);
   open.value = analyses.get(run) ?? null;
   if (open.value) warm(open.value);
 }

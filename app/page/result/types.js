@@ -8,12 +8,12 @@
  *   interval95: [number, number] | null, prior_std: number | null, reason: string | null}} ParameterRow
  * @typedef {ParameterRow & {before: ParameterRow}} RefitRow
  * @typedef {{shot: number, target: string, whitened: number, leave_one_out: number | null, cooks: number | null}} ShotRow
- * @typedef {{enter: {name: string, value: string, expanded_u: string, estimate?: string | null, status?: string | null}[], steps: {text: string, commands: string[]}[]}} NextSteps
+ * @typedef {{steps: {text: string, commands: string[]}[]}} NextSteps
  */
 /**
  * A result, or an analysis of which no report was written (`file` is "").
  * @typedef {{file: string, run: string | null, report: string | null, posterior_file: string | null, files: {path: string, bytes: number}[], verdict: string, message: MessageFacts | null,
- *   action?: ActionFacts | null, coverage_factor: number, headline: string, posterior: {converged: boolean | null, message: string | null}, notes: string[], next_steps: NextSteps | null,
+ *   action?: ActionFacts | null, front: string | null, coverage_factor: number, headline: string, posterior: {converged: boolean | null, message: string | null}, notes: string[], next_steps: NextSteps | null,
  *   misfit: {criteria: {sentence: string}[]} | null, diagnosis: {sentence: string}[], parameters: ParameterRow[], shots: ShotRow[],
  *   inputs: {run: string, sha256: string, robot: string, shots: number, targets: string[], versions: Record<string, string>},
  *   origin: {serial?: string, when?: string, who?: string, instrument?: string, origin?: string},

@@ -14,8 +14,11 @@ from ....analysis.answer.result import RESULT_SCHEMA, Result, parse_result
 from ....model.errors import BadInput
 from ....model.parsing.reading import parse_json, read_text
 from ....model.records import inline, record
+from ....reports.output.html import fragment
+from ....reports.run.front import front
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT
+from ....words.message import read_message
 from ..folder import Folder
 from ..kept import Kept
 from ..requests import end_point
@@ -33,6 +36,13 @@ _RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
 def read_result(path: Path) -> Result:
     """A result file; BadInput where it is none, not whole, too large, or contradicts itself."""
     return _RESULTS.of(path, _read)
+
+
+def first_page(content: Result) -> str | None:
+    """Tables and bars of the report's first page as HTML; None where the result does not state its words."""
+    if content.next_steps is None or any(row.trusted is None for row in content.offsets):
+        return None
+    return fragment(front(content, read_message(content)))
 
 
 def _read(path: Path) -> Result:
@@ -63,7 +73,8 @@ class ReportFile:
 
 @record(kw_only=True)
 class ShownResult:
-    """What a result says, its files, and the `run` of the folder that it was made of."""
+    """What a result says, its files, and the `run` of the folder that it was made of. `front`: the tables and
+    bars of the report's first page as HTML, None in results of versions that did not state their message."""
 
     file: str
     run: str | None
@@ -71,6 +82,7 @@ class ShownResult:
     posterior_file: str | None
     files: tuple[ReportFile, ...]
     action: OfferedAction | None
+    front: str | None
     origin: dict[str, str]
     workspace: Annotated[InWorkspace, inline("tcp", "tcp_map", "tcp_why", "residuals", "skeletons")]
     result: Annotated[
@@ -103,6 +115,7 @@ def result(folder: Folder, file: str) -> ShownResult:
         posterior_file=_called(folder, path.with_name("posterior.nc"), beside),
         files=tuple(ReportFile(folder.called(file), file.stat().st_size) for file in beside),
         action=None if message is None else action_of_result(folder, message.action, run),
+        front=first_page(content),
         origin=origin_of(content.inputs.header),
         workspace=in_workspace(content, run),
         result=replace(content, shots=tuple(shot for shot in content.shots if shot.shot in numbers)),

@@ -21,7 +21,7 @@ from zerobeam.reports.output.terminal import print_page
 from zerobeam.reports.run.brief_page import MOST_CAUTIONS, front_page
 from zerobeam.reports.run.front import front
 from zerobeam.reports.run.report import pictures, report_page
-from zerobeam.reports.style.blocks import Bars, Paragraph, Table
+from zerobeam.reports.style.blocks import Bars, Block, Paragraph, Table
 from zerobeam.words.message import message
 
 LINES, WORDS, ON_PAPER, VERDICT = 25, 200, 250, 15
@@ -62,11 +62,15 @@ def test_it_is_read_in_ten_seconds(name: str) -> None:
     assert len((front_page(result).message or message(result)).cautions) <= MOST_CAUTIONS
 
 
+def front_of(result: Result) -> list[Block]:
+    return front(result, message(result))
+
+
 def test_there_is_one_table_of_offsets() -> None:
-    tables = [block for block in front(good()) if isinstance(block, Table)]
+    tables = [block for block in front_of(good()) if isinstance(block, Table)]
     assert tables[0].columns[-1].text == "trusted"
     assert sum(table.columns[0].text == "joint" for table in tables) == 1
-    (bars,) = (block for block in front(good()) if isinstance(block, Bars))
+    (bars,) = (block for block in front_of(good()) if isinstance(block, Bars))
     assert max(bars.shares) == 1.0
     assert bars.shares[1] == pytest.approx(bars.rows[1].value / bars.rows[0].value)
 
@@ -78,7 +82,7 @@ def test_where_the_controller_takes_a_model_the_bar_is_that_of_the_model() -> No
     for vendor, taken in (("abb", result.entered), ("doosan", result.entered_geometry)):
         (bars,) = (
             block
-            for block in front(replace(result, inputs=replace(result.inputs, vendor=vendor)))
+            for block in front_of(replace(result, inputs=replace(result.inputs, vendor=vendor)))
             if isinstance(block, Bars)
         )
         assert taken.tcp_after is not None
@@ -86,16 +90,16 @@ def test_where_the_controller_takes_a_model_the_bar_is_that_of_the_model() -> No
 
 
 def test_a_wrong_model_has_no_table_and_no_bars() -> None:
-    (block,) = front(EXAMPLES["misfit"])
+    (block,) = front_of(EXAMPLES["misfit"])
     assert isinstance(block, Paragraph)
     assert "not claimed" in block.text
 
 
 def test_what_is_not_determined_has_no_number_in_the_table() -> None:
-    table = next(block for block in front(x_pattern()) if isinstance(block, Table))
+    table = next(block for block in front_of(x_pattern()) if isinstance(block, Table))
     row = next(row for row in table.rows if row.cells[0].text == "J2")
     assert not re.search(r"\d", " ".join(cell.text for cell in row.cells[1:]))
-    assert not [block for block in front(x_pattern()) if isinstance(block, Bars)]
+    assert not [block for block in front_of(x_pattern()) if isinstance(block, Bars)]
 
 
 def test_a_simulated_run_is_marked_by_a_band_and_keeps_its_colour() -> None:

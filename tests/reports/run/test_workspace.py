@@ -26,6 +26,7 @@ from zerobeam.reports.style.blocks import FigureBlock, Paragraph
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 from zerobeam.words.enter import enter_sentence
+from zerobeam.words.message import message
 from zerobeam.words.wording import sentence
 
 
@@ -192,7 +193,7 @@ def level_of(result: Result, region: str, key: str, level: str) -> float:
 
 def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
     section = workspace_section(result)
-    assert FigureBlock(MAP) in front(result)
+    assert FigureBlock(MAP) in front(result, message(result))
     rows = texts_of(table(section, "Accuracy before"))
     columns = [(region, level) for region in ("workspace", "near_shots") for level in ("median", "worst")]
     keys = ("before_mm", "before_std_mm", "after95_mm", "after_rms_mm")
