@@ -82,7 +82,7 @@ def export_sentence(vendor: str | None) -> str:
     """What to write for a controller."""
     taken = taken_by(vendor)
     if taken == "offsets":
-        return "Write the values to enter into a file for this robot."
+        return "Export the values for this controller; the file says how to enter them."
     programs = ", or convert its programs (zerobeam positions reach)" if taken == "programs" else ""
     return (
         f"Enter nothing: {no_offsets_words(vendor)}. Export the corrected"

@@ -287,15 +287,14 @@ def _between(explanation: Explanation) -> str:
 
 
 def _called(explanation: Explanation) -> str:
-    """The measurements as people count them: by the row of the file that they were imported from, else by the
-    line of the run."""
+    """The measurements by their numbers, as commands take them, and the row of the file that they were
+    imported from, or the line of the run."""
     places = dict(explanation.sources)
     if len(explanation.measurements) == 1 and (source := places.get(explanation.measurements[0])):
         file, _, line = source.rpartition(":")
         number = f"measurement {explanation.measurements[0]}"
-        if file.endswith(".jsonl"):
-            return f"{number} (line {line} of {clipped(file)})"
-        return f"row {line} of {clipped(file)} ({number})"
+        row = "line" if file.endswith(".jsonl") else "row"
+        return f"{number} ({row} {line} of {clipped(file)})"
     rows = {source.rpartition(":")[0]: True for source in places.values()}
     noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
     text = f"{noun} {_numbers(explanation)}"

@@ -47,14 +47,16 @@ from .wording import WEAK, Namer, are, be, capital, clipped, counted, joints, la
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
-    " (section 3.3)"
+    " (section 3.3 of the paper)"
 )
 _CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
 _PLAN_MORE = "plan more measurements"
 _PLAN_ANEW = "plan other postures (zerobeam plan optimal)"
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
-_TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
+_TOOL_ROTATION = (
+    "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1 of the paper)"
+)
 _SHIFTED: dict[Group, str] = {"target": "the target", "frame": "the frame", "tool": "the tool"}
 _UNKNOWN: dict[Group, str] = {
     "offset": "offset",
@@ -397,7 +399,7 @@ def _common_motion(cause: CommonMotion) -> str:
         f" {'frame of the instrument' if cause.frame else 'target'} included"
     )
     is_pattern = cause.revolute == (True, True) and not cause.frame
-    x_pattern = " (the X-Pattern of section 3.2)" if is_pattern else ""
+    x_pattern = " (the X-Pattern of the paper)" if is_pattern else ""
     return f"{_little(cause)} over the measurements, so {so}{x_pattern}"
 
 

@@ -88,6 +88,10 @@ def _largest(row: OutlookRow, now: OutlookRow, units: Mapping[str, str]) -> str:
     resting = [name for name in row.U if name not in now.U]
     if resting:
         return "; ".join(f"{person(name)} {_expanded(row.U[name], units[name])}" for name in resting)
+    return _of_all(row, units)
+
+
+def _of_all(row: OutlookRow, units: Mapping[str, str]) -> str:
     if None in row.U.values():
         return _OPEN
     of_unit: dict[str, float] = {}
@@ -117,15 +121,13 @@ def better_postures(outlook: Outlook | None, offset: Any) -> BetterPostures | No
     stop, and the remedy with the fewest measurements that does; None where none of them does."""
     if outlook is None or offset.name not in outlook.now.U:
         return None
-    name, unit, now = offset.name, offset.unit, outlook.now.U[offset.name]
+    name = offset.name
     rows = [(row, u) for row in outlook.by_postures if (u := row.U.get(name)) is not None]
     first = next((row for row, u in rows if u <= outlook.enough.get(name, 0.0)), None)
     if first is None:
         return None
-    to = _expanded(first.U[name], unit)
-    change = f"{_expanded(now, unit)} → {to}"
-    text = f"plan {first.shots} better postures: predicted U of {person(name)} {change}"
-    return BetterPostures(text, first, to)
+    now, to = (_of_all(row, dict.fromkeys(row.U, offset.unit)) for row in (outlook.now, first))
+    return BetterPostures(f"plan {first.shots} better postures: largest U {now} → {to}", first, to)
 
 
 def outlook_notes(outlook: Outlook) -> list[str]:

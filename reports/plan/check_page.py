@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...analysis.answer.answer_message import Message
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.observability.outlook import COVERAGE
@@ -86,11 +87,15 @@ def proposal_page(made: MadePlan, *, full: bool = False) -> Page:
 def _page(check: Check, *blocks: Block, full: bool = False) -> Page:
     """All remedies are among the `blocks` of a `full` page, and said once."""
     notes = [sentence(note) for note in check_notes(check)]
-    content = plan_message(check)
-    first = replace(content, cautions=content.cautions[:MOST_CAUTIONS])
     sections = [section_of("", *blocks)] if blocks else []
-    first_blocks = check_front(check, remedies=not full)
-    return Page("", "", verdict_on(check), notes, sections, message=first, front=first_blocks)
+    front = check_front(check, remedies=not full)
+    return Page("", "", verdict_on(check), notes, sections, message=first_words(check), front=front)
+
+
+def first_words(check: Check) -> Message:
+    """The message with as many cautions as page one has."""
+    content = plan_message(check)
+    return replace(content, cautions=content.cautions[:MOST_CAUTIONS])
 
 
 def check_front(check: Check, *, remedies: bool = True) -> list[Block]:

@@ -22,6 +22,7 @@ from ...model.files.plan import Plan
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...words import numbers
 from ...words.geometry_words import check_lines
+from ...words.message import WHAT_ELSE
 from ...words.observability import outlook_lines, rank_facts
 from ...words.outlook_words import TITLE
 from ...words.plan_catalogue import planned_anew
@@ -48,7 +49,7 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
-from .check_page import NOT_DETERMINED, predicted_table, verdict_on
+from .check_page import NOT_DETERMINED, check_front, first_words, predicted_table, verdict_on
 
 
 class Postures(NamedTuple):
@@ -167,11 +168,16 @@ def _page(plan: Plan, check: Check, postures: Postures, why: Section | None) -> 
     undetermined = [_undetermined(check, facts.null_space), tolerance_only(check.parameters)]
     versions = ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs.versions.items())
     measured = f" at {counted(len(targets), 'target')}: {listed(targets)}" if targets else ""
+    first = first_words(check)
+    more = [*map(sentence, check_notes(check)), *check_lines(check), *outlook_lines(check)]
+    also = [Paragraph(text) for text in more if text not in first.cautions]
     return Page(
         title=f"Plan {clipped(inputs.plan, 60)}",
         subtitle=f"{counted(len(postures.joints), 'posture')} of {clipped(inputs.robot)}{measured}",
         verdict=verdict_on(check),
-        notes=[*map(sentence, check_notes(check)), *check_lines(check), *outlook_lines(check)],
+        notes=[],
+        message=first,
+        front=check_front(check),
         sections=[
             *([] if why is None else [why]),
             section_of("", SceneBlock()),
@@ -181,6 +187,7 @@ def _page(plan: Plan, check: Check, postures: Postures, why: Section | None) -> 
                 Legend(legend((row.status for row in others), header), reasons(others)),
             ),
             *_outlook(check),
+            *([section_of(WHAT_ELSE, *also)] if also else []),
             section_of(
                 "What is not observable",
                 Paragraph(" ".join(text for text in undetermined if text)),

@@ -48,7 +48,7 @@ def _blocks(result: Result, content: Message, remedies: bool) -> Iterator[Block]
     planned = RunCase.of_result(result).planned
     if remedies:
         yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
-    if result.null_motion is None:
+    if entered is not None:
         yield FigureBlock(MAP)
 
 
@@ -97,7 +97,7 @@ def _row(
     if entered is not None and row.status == "identified" and entered.status.get(row.name) == "weak":
         limit = tolerances.get(row.unit)
         value_is = WEAK if limit is None else above(limit, k, row.unit)
-        why = Cell(f"offset yes; value: {value_is}", mark="weak")
+        why = Cell(f"only with the others: {value_is}", mark="weak")
     if doubted and row.status == "identified":
         why = Cell("no: see what is to be done", mark="weak")
     return row_of(name, numbers.estimate(value, u, unit), numbers.spread(u, unit), why, tone=tone)

@@ -30,7 +30,7 @@ def outlook(required: float | None = None) -> Outlook:
 def test_a_weak_plan_that_others_make_a_pass_is_planned_anew_with_the_command() -> None:
     """It was said that no posture helps: to measure arm and tool, and state smaller tolerances."""
     action = message(check_plan(good_plan(7, seed=0, geometry=None))).action
-    assert action.text.startswith("Plan 7 better postures: predicted U of J2 (δ2)")
+    assert action.text.startswith("Plan 7 better postures: largest U 0.")
     assert action.command == "zerobeam plan optimal --header plan.yaml --shots 7 -o new-plan.yaml"
 
 

@@ -72,7 +72,7 @@ def test_the_keys_are_those_of_the_design() -> None:
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "estimate", "std", "interval95", "group", "data_std", "prior_std"),
-        *("tolerance_share", "reason", "midpoint", "held"),
+        *("tolerance_share", "reason", "midpoint", "trusted", "held"),
     ]
     assert list(answer["geometry"]) == [
         *("tolerance", "considered_tolerance"),

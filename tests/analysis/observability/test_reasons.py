@@ -134,7 +134,7 @@ DESIGNS = {
         "joint 6 and a free probe tip rotate together",
     ),
     "X-Pattern": Design(
-        lambda: pattern_plan("x"), "delta2", CommonMotion, "included (the X-Pattern of section 3.2)"
+        lambda: pattern_plan("x"), "delta2", CommonMotion, "included (the X-Pattern of the paper)"
     ),
     "joint 1 constant": Design(lambda: with_constant(1), "delta2", CommonMotion, "everything after joint 1"),
     "joints 1 and 2 constant": Design(

@@ -19,9 +19,9 @@ from zerobeam.model.files.run import read_run
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.output.terminal import print_page
 from zerobeam.reports.run.brief_page import MOST_CAUTIONS, front_page
-from zerobeam.reports.run.front import front
+from zerobeam.reports.run.front import MAP, front
 from zerobeam.reports.run.report import pictures, report_page
-from zerobeam.reports.style.blocks import Bars, Block, Paragraph, Table
+from zerobeam.reports.style.blocks import Bars, Block, FigureBlock, Paragraph, Table
 from zerobeam.words.message import message
 
 LINES, WORDS, ON_PAPER, VERDICT = 25, 200, 250, 15
@@ -73,6 +73,9 @@ def test_there_is_one_table_of_offsets() -> None:
     (bars,) = (block for block in front_of(good()) if isinstance(block, Bars))
     assert max(bars.shares) == 1.0
     assert bars.shares[1] == pytest.approx(bars.rows[1].value / bars.rows[0].value)
+    # The map is of values that are entered.
+    assert FigureBlock(MAP) in front_of(good())
+    assert FigureBlock(MAP) not in front_of(EXAMPLES["weak"])
 
 
 def test_where_the_controller_takes_a_model_the_bar_is_that_of_the_model() -> None:
