@@ -17,8 +17,6 @@ WHY_THEY_DIFFER = (
 )
 U_OF_VALUES = "Values make up for links too: their U is larger than the offsets' above."
 ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is larger."  # fitted together
-U_OF_VALUES = "Values make up for links too: their U is larger than the offsets' above."
-ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is larger."  # fitted together
 NOT_CLAIMED = "Their gain at the TCP is not claimed: it depends on an undetermined offset."
 TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on an undetermined offset."
 TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."

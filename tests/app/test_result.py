@@ -66,7 +66,7 @@ def test_nothing_may_be_entered_of_what_is_not_determined(client: TestClient, th
 
 
 def test_the_first_page_is_that_of_the_report(client: TestClient, there: Path) -> None:
-    """Its tables and bars, though read from the file; without style or script, which the page does not allow."""
+    """Tables and bars, though read from the file; without style or script, which the page does not allow."""
     front = _result(client)["front"]
     assert re.search(r"<(script|style)|\bstyle=|\bon\w+=", front) is None
     result = zb.analyse(zb.read_run(there / "good.jsonl"), ess=100).result
