@@ -34,8 +34,6 @@ def region_short(region: TcpRegion | None) -> str:
     """The same in the head of a column."""
     if region is None:
         return "workspace"
-    if region.name is not None:
-        return region.name.removeprefix("in the ")
     if region.positions is not None:
         return "own positions"
     if region.box_mm is not None:

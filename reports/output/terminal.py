@@ -183,7 +183,7 @@ def _print_bars(out: Console, bars: Bars) -> None:
     room = max(min(out.width, _TEXT_WIDTH) - name - text - 2 * len(_GAP), 1)
     for row, share in zip(bars.rows, bars.shares, strict=True):
         line = Text(f"{row.name.ljust(name)}{_GAP}{row.text.rjust(text)}{_GAP}")
-        line.append("█" * max(round(share * room), 1), style=STYLE[row.tone])
+        line.append("█" * max(round(share * room), share > 0), style=STYLE[row.tone])
         out.print(line, soft_wrap=True)
 
 

@@ -113,9 +113,9 @@ def _tcp(result: Result, offered: Entered | None) -> Iterator[Block]:
         if result.next_steps is None or result.accuracy.workspace is None:
             yield Paragraph(TCP_NOT_CLAIMED)
         return
-    bars = [_bar("now", entered.tcp_before, "held")]
+    bars = [_bar("now", entered.tcp_before, "held"), Bar(after, 0.0, "not claimed", "held")]
     if offered is not None:
-        bars.append(_bar(after, entered.tcp_after, "identified"))
+        bars[1] = _bar(after, entered.tcp_after, "identified")
     yield Bars(f"TCP error, median (95 % stay below), {region_words(result.region)}", bars)
 
 
