@@ -1,6 +1,7 @@
 """`zerobeam import`: runs from recorded files that people have."""
 
 from collections.abc import Sequence
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -122,7 +123,7 @@ def _reader_of_logs() -> Reader:
 
     read.__doc__ = read_log.__doc__
     parameters = [*parameters_of(read), *parameters_of(read_log)]
-    of_options = [one for one, hint in parameters if hasattr(hint, "__metadata__")]
+    of_options = [one for one, hint in parameters if hasattr(hint, "__metadata__") or is_dataclass(hint)]
     with_parameters(read, [one.replace(kind=one.KEYWORD_ONLY) for one in of_options])
     return Reader("log", read, "Logs as CSV files.", first=("kind",))
 

@@ -1,20 +1,12 @@
 """Logs over time of which a maker states the layout: `zerobeam import log NAME`."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
 
 from ...model.options import Option
-from .maker import (
-    Decimal,
-    J3Counting,
-    KnownLog,
-    MarkerColumn,
-    StillDeg,
-    StillMm,
-    StillSeconds,
-    in_order,
-    makers,
-)
+from .generic.layouts import CsvLayout, Stillness
+from .maker import Decimal, J3Counting, KnownLog, MarkerColumn, in_order, makers
 
 if TYPE_CHECKING:
     from .import_jobs import Imported, ImportJob
@@ -27,26 +19,18 @@ def known_logs() -> list[KnownLog]:
 
 def read_log(
     job: "ImportJob",
-    layout: Callable[[int], Any],
-    still_deg: StillDeg = None,
-    still_s: StillSeconds = None,
-    still_mm: StillMm = None,
+    layout: Callable[[int], CsvLayout],
+    still: Stillness,
     delimiter: Annotated[str | None, Option("Delimiter between two values, if not the usual one.")] = None,
     decimal: Decimal = ".",
     marker_column: MarkerColumn = None,
     j3: J3Counting = None,
 ) -> "Imported":
     """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
-    from .generic.csv_file import import_log
-    from .generic.dwells import Stillness
+    from .generic.csv_file import import_csv
 
-    still = Stillness.required(still_deg, still_s, still_mm)
-    return import_log(
-        layout,
-        job,
-        still=still,
-        delimiter=delimiter,
-        decimal=decimal,
-        marker_column=marker_column,
-        j3=j3,
+    usual = layout(job.robot.n)
+    columns = replace(
+        usual, delimiter=delimiter or usual.delimiter, decimal=decimal, marker_column=marker_column, j3=j3
     )
+    return import_csv(job, columns, still.required())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from zerobeam.experiments.makers import joint_text
+from zerobeam.experiments.makers import joint_text, known_logs
 from zerobeam.experiments.makers.abb import rapid_points
 from zerobeam.experiments.makers.fanuc import tp_points
 from zerobeam.experiments.makers.generic import csv_file, ros
@@ -34,6 +34,6 @@ import_ros = of_files(ros.import_ros)
 
 
 def import_log(kind: str, *arguments: Any, **options: Any) -> Imported:
-    return of_files(lambda job, **rest: csv_file.import_log(LAYOUTS[kind], job, **rest))(
+    return of_files(lambda job, **rest: known_logs.read_log(job, LAYOUTS[kind], **rest))(
         *arguments, **options
     )

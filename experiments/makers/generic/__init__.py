@@ -13,12 +13,9 @@ from ..maker import (
     OffsetFile,
     PlanProgram,
     Reader,
-    StillDeg,
-    StillMm,
-    StillSeconds,
 )
 from ..program_template import ProgramTemplate
-from .layouts import CsvLayout, PointLayout
+from .layouts import CsvLayout, PointLayout, Stillness
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -102,11 +99,11 @@ def _csv_counting(plan: "Plan", motion: "ProgramMotion") -> str | None:
     return Pendant(plan.robot, motion.j3).sentence
 
 
-def _read_csv(job: "ImportJob", layout: CsvLayout) -> "Imported":
+def _read_csv(job: "ImportJob", layout: CsvLayout, still: Stillness) -> "Imported":
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
     from .csv_file import import_csv
 
-    return import_csv(job, layout)
+    return import_csv(job, layout, still)
 
 
 def _read_points(job: "ImportJob", layout: PointLayout) -> "Imported":
@@ -118,9 +115,7 @@ def _read_points(job: "ImportJob", layout: PointLayout) -> "Imported":
 
 def _read_ros(
     job: "ImportJob",
-    still_deg: StillDeg = None,
-    still_s: StillSeconds = None,
-    still_mm: StillMm = None,
+    still: Stillness,
     columns: Annotated[
         Sequence[str] | None,
         Option("Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).", text=names_typed),
@@ -135,18 +130,16 @@ def _read_ros(
 
     In the text of ros2 topic echo each message is one.
     """
-    from .dwells import Stillness
     from .ros import import_joint_states, import_ros
 
     if all(path.suffix.lower() in (".yaml", ".yml", ".txt") for path in job.paths):
-        if any(option is not None for option in (still_deg, still_s, still_mm, topic, marker_topic)):
+        if still.stated or topic is not None or marker_topic is not None:
             raise BadInput(
                 "joint states in text have no times: each message is a measurement",
                 remedy="leave out --still-deg, --still-s, --still-mm, --topic and --marker-topic",
             )
         return import_joint_states(job, columns=columns)
-    still = Stillness.required(still_deg, still_s, still_mm)
-    return import_ros(job, still=still, columns=columns, topic=topic, marker_topic=marker_topic)
+    return import_ros(job, still=still.required(), columns=columns, topic=topic, marker_topic=marker_topic)
 
 
 def _read_robodk(job: "ImportJob", j3: J3Counting = None) -> "Imported":

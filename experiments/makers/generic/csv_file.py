@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.joint_columns import JointColumns
 from ....model.files.text_tables import DELIMITERS, TextTable, read_table
-from ....model.kinematics.robot import J3
 from ..import_jobs import FileMeasurements, Imported, ImportJob, Keys
-from .dwells import JointLog, Mark, Stillness, held
-from .layouts import CsvLayout
+from .dwells import JointLog, Mark, held
+from .layouts import CsvLayout, Stillness
+
+NO_DWELLS = Stillness()
 
 
-def import_csv(job: ImportJob, layout: CsvLayout, *, still: Stillness | None = None) -> Imported:
-    """Measurements from CSV files of one layout: one a row, or with `still` one for each dwell of the arm.
+def import_csv(job: ImportJob, layout: CsvLayout, still: Stillness = NO_DWELLS) -> Imported:
+    """Measurements from CSV files of one layout: one a row, or one for each dwell if that is stated.
 
     All measurements of a file are at the target stated for it, or at that in `target_column`. Nothing is
     written. BadInput, with file and line, for what does not fit.
     """
-    still = still or Stillness.of_options(layout.still_deg, layout.still_s, layout.still_mm)
-    robot = job.robot
+    robot, dwells = job.robot, still.stated
     joints = JointColumns.of_options(
         robot,
         layout.columns,
@@ -33,7 +32,7 @@ def import_csv(job: ImportJob, layout: CsvLayout, *, still: Stillness | None = N
         j3=layout.j3,
         others=bool(layout.others),
     )
-    layout.check(dwells=still is not None)
+    layout.check(dwells=dwells)
     if job.names and layout.target_column is not None:
         raise BadInput("targets are stated both by name and by a column", remedy="state one of the two")
 
@@ -53,7 +52,7 @@ def import_csv(job: ImportJob, layout: CsvLayout, *, still: Stillness | None = N
         if layout.time_column is not None and layout.time_units is not None:
             times = table.seconds(layout.time_column, layout.time_units)
             times = times - times[0]
-        if still is not None and times is not None:
+        if dwells and times is not None:
             column = layout.marker_column
             marks = None if column is None else _marks(table, column, times, names)
             if layout.changes_only:
@@ -89,20 +88,3 @@ def _marks(table: TextTable, column: str, times: Matrix, names: Sequence[str] | 
         for i, value in enumerate(values)
         if value is not None and (i == 0 or value != values[i - 1])
     ]
-
-
-def import_log(
-    layout_of: Callable[[int], CsvLayout],
-    job: ImportJob,
-    *,
-    still: Stillness,
-    delimiter: str | None = None,
-    decimal: str = ".",
-    marker_column: str | None = None,
-    j3: J3 | None = None,
-) -> Imported:
-    """Measurements from logs, whose layout depends on the number of joints: at each dwell, or at those that
-    `marker_column` marks. `j3`: what the controller counts joint 3 from, if not as the robot file states."""
-    layout = replace(layout_of(job.robot.n), marker_column=marker_column, decimal=decimal, j3=j3)
-    layout = replace(layout, delimiter=delimiter or layout.delimiter)
-    return import_csv(job, layout, still=still)

@@ -11,65 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....model.arrays import Matrix
-from ....model.errors import BadInput, located
+from ....model.errors import BadInput
 from ....model.kinematics.robot import Robot
 from ..import_jobs import FileMeasurements
+from .layouts import Stillness
 
 _ROUNDING = 1e-9  # of times: a window of 0.5 s holds 126 readings at 250 Hz, however they are rounded
-_BOUNDS = {"--still-deg": (1e-9, 360.0), "--still-s": (1e-3, 1e6), "--still-mm": (1e-9, 1e6)}
 _MOST_ROWS = 10**7
-
-
-@dataclass(frozen=True)
-class Stillness:
-    """The definition of a dwell: every joint within `deg` (prismatic: `mm`) for at least `seconds`."""
-
-    deg: float
-    seconds: float
-    mm: float | None = None
-
-    @classmethod
-    def of_options(
-        cls, deg: float | None, seconds: float | None, mm: float | None = None
-    ) -> Stillness | None:
-        """As options state it; None where none is stated."""
-        if deg is not None and seconds is not None:
-            return cls(deg, seconds, mm)
-        if deg is None and seconds is None and mm is None:
-            return None
-        raise BadInput(
-            "a dwell needs a tolerance and a time", remedy="state both --still-deg and --still-s, or neither"
-        )
-
-    @classmethod
-    def required(cls, deg: float | None, seconds: float | None, mm: float | None = None) -> Stillness:
-        """As options state it; BadInput where none is stated."""
-        still = cls.of_options(deg, seconds, mm)
-        if still is None:
-            raise BadInput(
-                "a recording over time needs to know what a dwell is",
-                remedy="state --still-deg and --still-s",
-            )
-        return still
-
-    def tolerance(self, robot: Robot) -> Matrix:
-        """(n,) degrees or mm; BadInput for a value that is missing or not above zero."""
-        slides = any(joint.kind == "prismatic" for joint in robot.joints)
-        if slides and self.mm is None:
-            raise BadInput(
-                "the tolerance of a dwell is not stated for the prismatic joints",
-                found=f"{robot.name} has prismatic joints",
-                remedy="state it in mm (--still-mm)",
-            )
-        for value, name in ((self.deg, "--still-deg"), (self.seconds, "--still-s"), (self.mm, "--still-mm")):
-            least, most = _BOUNDS[name]
-            if value is not None and not least <= value <= most:
-                raise BadInput(
-                    f"the value of {name} is out of range",
-                    found=f"{value:g}",
-                    allowed=f"a number above 0, from {least:g} to {most:g}",
-                )
-        return np.array([self.deg if joint.kind == "revolute" else self.mm for joint in robot.joints])
 
 
 class Dwell(NamedTuple):
@@ -86,6 +34,17 @@ class Dwell(NamedTuple):
     joints: Matrix
     spread: Matrix
 
+    def __str__(self) -> str:
+        return f"{self.start_s:.3f} to {self.end_s:.3f} s"
+
+    def rejected(self, robot: Robot, tolerance: Matrix) -> str:
+        """Why it is none."""
+        joint = int(np.argmax(self.spread / tolerance))
+        return (
+            f"rejected: {self}, joint {joint + 1} drifts by {self.spread[joint]:.4g}"
+            f" {robot.joints[joint].unit}, more than {tolerance[joint]:g}"
+        )
+
 
 def find_dwells(
     times: Matrix, joints: Matrix, tolerance: Matrix, seconds: float
@@ -98,9 +57,7 @@ def find_dwells(
     `seconds` is dropped at each end, where the arm settles or starts again; the rest must be within the
     tolerance.
     """
-    last = np.searchsorted(times, times + seconds - _ROUNDING)
-    first = np.flatnonzero(last < len(times))
-    last = last[first]
+    first, last = _windows(times, seconds)
     if not len(first):
         return [], []
     longest_step = _largest(np.diff(times, append=times[-1])[:, None], first, last - 1)[:, 0]
@@ -124,27 +81,20 @@ def calmest(
     times: Matrix, joints: Matrix, tolerance: Matrix, seconds: float
 ) -> tuple[float, int, float] | None:
     """Time (s), joint (from 0) and movement (degrees or mm) of the window in which the arm moved least."""
-    last = np.searchsorted(times, times + seconds - _ROUNDING)
-    first = np.flatnonzero(last < len(times))
+    first, last = _windows(times, seconds)
     if not len(first):
         return None
-    moved = _ranges(joints, first, last[first])
+    moved = _ranges(joints, first, last)
     window = int(np.argmin((moved / tolerance).max(axis=1)))
     joint = int(np.argmax(moved[window] / tolerance))
     return float(times[first[window]]), joint, float(moved[window, joint])
 
 
-def dwell_of_each(dwells: Sequence[Dwell], marks: Matrix, seconds: float) -> list[int | None]:
-    """Index of the dwell that each marker (s) falls into, or is at most half of `seconds` away from."""
-    if not dwells:
-        return [None] * len(marks)
+def dwell_of_each(dwells: Sequence[Dwell], marks: Matrix) -> tuple[NDArray[np.int64], Matrix]:
+    """Index of the dwell that each marker (s) is nearest to, and how far away it is, s: 0 within."""
     start, end = np.array([[dwell.start_s, dwell.end_s] for dwell in dwells]).T
     away = np.maximum(np.maximum(start - marks[:, None], marks[:, None] - end), 0)
-    nearest = away.argmin(axis=1)
-    return [
-        int(i) if distance <= seconds / 2 else None
-        for i, distance in zip(nearest, away.min(axis=1), strict=True)
-    ]
+    return away.argmin(axis=1), away.min(axis=1)
 
 
 def repeats(dwells: Sequence[Dwell], tolerance: Matrix) -> list[int | None]:
@@ -183,6 +133,13 @@ def _dwell(times: Matrix, joints: Matrix, first: int, last: int, seconds: float)
     inner = np.searchsorted(times, [start + seconds / 4, end - seconds / 4 + _ROUNDING])
     used = slice(int(inner[0]), int(inner[1]))
     return Dwell(first, last, start, end, used, joints[used].mean(axis=0), np.ptp(joints[used], axis=0))
+
+
+def _windows(times: Matrix, seconds: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First and last reading of each window of so many seconds."""
+    last = np.searchsorted(times, times + seconds - _ROUNDING)
+    first = np.flatnonzero(last < len(times))
+    return first, last[first]
 
 
 def _ranges(values: Matrix, first: NDArray[np.int64], last: NDArray[np.int64]) -> Matrix:
@@ -236,54 +193,49 @@ class JointLog:
         read. BadInput without a dwell, for a marker outside all dwells, or if times do not increase.
         """
         tolerance = still.tolerance(robot)
-        with located(self.path):
-            back = np.flatnonzero(np.diff(self.times) < 0)
-            if len(back):
-                raise BadInput(
-                    "the times do not increase",
-                    found=f"{self.times[back[0] + 1]:.6g} s after {self.times[back[0]]:.6g} s",
-                    remedy="import each recording from its own file; check the time column",
-                )
-            dwells, drifting = find_dwells(self.times, self.joints, tolerance, still.seconds)
-            if not dwells:
-                raise self._without_dwell(robot, still, tolerance, drifting)
-            chosen, targets = self._chosen(dwells, still, target)
-        kept = [dwells[i] for i in chosen]
-        joints = np.array([dwell.joints for dwell in kept])
-        spots = None if self.spots is None else np.array([self.spots[s.used].mean(axis=0) for s in kept])
-        times = np.array([(dwell.start_s + dwell.end_s) / 2 for dwell in kept])
-        notes = [
-            *how,
-            *_sentences(robot, kept, tolerance),
-            *(_rejected(robot, dwell, tolerance) for dwell in drifting),
-        ]
+        back = np.flatnonzero(np.diff(self.times) < 0)
+        if len(back):
+            raise BadInput(
+                "the times do not increase",
+                found=f"{self.times[back[0] + 1]:.6g} s after {self.times[back[0]]:.6g} s",
+                remedy="import each recording from its own file; check the time column",
+            )
+        dwells, drifting = find_dwells(self.times, self.joints, tolerance, still.seconds)
+        drifts = [dwell.rejected(robot, tolerance) for dwell in drifting]
+        if not dwells:
+            raise self._without_dwell(robot, still, tolerance, drifts)
+        targets = self._chosen(dwells, still, target)
+        kept = [dwells[i] for i in targets]
+        notes = [*how, *_sentences(robot, kept, tolerance), *(f"  {drift}" for drift in drifts)]
         if len(kept) < len(dwells):
             notes.append(f"  dwells without a marker, not imported: {len(dwells) - len(kept)}")
         if self.marks is not None and len(self.marks) > len(kept):
             again = len(self.marks) - len(kept)
             notes.append(f"  second and later markers in a dwell: {again}; each dwell is one measurement")
-        keys = {"target": targets, "spot_mm": spots, "time_s": times}
-        return FileMeasurements(self.path, "dwell", joints, keys, notes=notes)
+        spots = self.spots
+        keys = {
+            "target": list(targets.values()),
+            "spot_mm": None if spots is None else np.array([spots[one.used].mean(axis=0) for one in kept]),
+            "time_s": [(dwell.start_s + dwell.end_s) / 2 for dwell in kept],
+        }
+        return FileMeasurements(self.path, "dwell", np.array([one.joints for one in kept]), keys, notes=notes)
 
-    def _chosen(
-        self, dwells: Sequence[Dwell], still: Stillness, target: str | None
-    ) -> tuple[list[int], list[str]]:
-        """Indices of the dwells that are measurements, and the target of each."""
+    def _chosen(self, dwells: Sequence[Dwell], still: Stillness, target: str | None) -> dict[int, str]:
+        """The target of each dwell that is a measurement, by its index, in their order."""
         if self.marks is None:
             if target is None:
                 raise BadInput("the target of the file is not stated")
-            return list(range(len(dwells))), [target] * len(dwells)
+            return dict.fromkeys(range(len(dwells)), target)
         if not self.marks:
             raise BadInput("no measurements found: there is no marker in the recording")
-        times = np.array([mark.time_s for mark in self.marks])
         names: dict[int, str] = {}
-        for mark, at in zip(self.marks, dwell_of_each(dwells, times, still.seconds), strict=True):
-            if at is None:
-                near = _nearest(dwells, mark.time_s)
+        nearest, away = dwell_of_each(dwells, np.array([mark.time_s for mark in self.marks]))
+        for mark, at, off in zip(self.marks, nearest.tolist(), away, strict=True):
+            if off > still.seconds / 2:
                 raise BadInput(
                     "the arm did not dwell at a marker",
-                    found=f"marker at {mark.time_s:.3f} s; nearest dwell {_span(near)}",
-                    allowed=f"joints within {still.deg:g} deg for {still.seconds:g} s around the marker",
+                    found=f"marker at {mark.time_s:.3f} s; nearest dwell {dwells[at]}",
+                    allowed=f"{still} around the marker",
                     remedy="state a larger tolerance or a shorter time if the arm was at rest",
                 )
             name = mark.target if target is None else target
@@ -295,18 +247,17 @@ class JointLog:
             if names.setdefault(at, name) != name:
                 raise BadInput(
                     "two markers in one dwell name different targets",
-                    found=f"{names[at]!r} and {name!r}, dwell {_span(dwells[at])}",
+                    found=f"{names[at]!r} and {name!r}, dwell {dwells[at]}",
                     remedy="a measurement has one target: remove the wrong marker",
                 )
-        chosen = sorted(names)
-        return chosen, [names[i] for i in chosen]
+        return dict(sorted(names.items()))
 
     def _without_dwell(
-        self, robot: Robot, still: Stillness, tolerance: Matrix, drifting: Sequence[Dwell]
+        self, robot: Robot, still: Stillness, tolerance: Matrix, drifts: Sequence[str]
     ) -> BadInput:
         recording = f"a recording of {self.times[-1]:.3f} s, {len(self.times)} readings"
-        if drifting:
-            recording = _rejected(robot, drifting[0], tolerance).strip()
+        if drifts:
+            recording = drifts[0]
         elif (best := calmest(self.times, self.joints, tolerance, still.seconds)) is not None:
             start, joint, moved = best
             recording += f"; in the calmest window, from {start:.3f} s, joint {joint + 1} moves by"
@@ -314,18 +265,9 @@ class JointLog:
         return BadInput(
             "no measurements found: the arm never dwells",
             found=recording,
-            allowed=f"joints within {still.deg:g} deg for {still.seconds:g} s, readings at most "
-            f"{still.seconds / 2:g} s apart",
+            allowed=f"{still}, readings at most {still.seconds / 2:g} s apart",
             remedy="state the tolerance and the shortest time of a dwell; check the unit of the angles",
         )
-
-
-def _nearest(dwells: Sequence[Dwell], time_s: float) -> Dwell:
-    return min(dwells, key=lambda dwell: max(dwell.start_s - time_s, time_s - dwell.end_s))
-
-
-def _span(dwell: Dwell) -> str:
-    return f"{dwell.start_s:.3f} to {dwell.end_s:.3f} s"
 
 
 def _sentences(robot: Robot, dwells: Sequence[Dwell], tolerance: Matrix) -> list[str]:
@@ -333,16 +275,8 @@ def _sentences(robot: Robot, dwells: Sequence[Dwell], tolerance: Matrix) -> list
     for i, (dwell, earlier) in enumerate(zip(dwells, repeats(dwells, tolerance), strict=True)):
         widest = int(np.argmax(dwell.spread / tolerance))
         sentence = (
-            f"  dwell {i + 1}: {_span(dwell)}, mean of {dwell.used.stop - dwell.used.start} readings, "
+            f"  dwell {i + 1}: {dwell}, mean of {dwell.used.stop - dwell.used.start} readings, "
             f"spread up to {dwell.spread[widest]:.4f} {robot.joints[widest].unit} (joint {widest + 1})"
         )
         notes.append(sentence + ("" if earlier is None else f"; repeats dwell {earlier + 1}"))
     return notes
-
-
-def _rejected(robot: Robot, dwell: Dwell, tolerance: Matrix) -> str:
-    joint = int(np.argmax(dwell.spread / tolerance))
-    return (
-        f"  rejected: {_span(dwell)}, joint {joint + 1} drifts by "
-        f"{dwell.spread[joint]:.4g} {robot.joints[joint].unit}, more than {tolerance[joint]:g}"
-    )

@@ -6,14 +6,13 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
-from ....model.instruments.pose import put_right
+from ....model.instruments.pose import OtherPose, put_right
 from ....model.instruments.rotations import nearest_rotation
 
 VECTOR = "vector"  # an orientation by a rotation vector, in place of an order
@@ -26,13 +25,6 @@ _STEPS = (1, 2, 3, 5, 7)  # how far apart the poses of a pair are
 _CLEARLY = 20.0  # log likelihood ratio to the next order, a component of each pose (Laplace)
 _LEAST = 5  # poses
 _ACROSS_MM = 500.0  # an arm: a degree there is as wrong as a rotation by one
-
-
-class FittingOrder(NamedTuple):
-    """Rotations (N, 3, 3) by the order that fits, and a sentence on it."""
-
-    rotations: Matrix
-    sentence: str
 
 
 def rotations(angles: Matrix, order: str) -> Matrix:
@@ -58,9 +50,9 @@ def rotations(angles: Matrix, order: str) -> Matrix:
 
 def found_order(
     angles: Matrix, columns: Sequence[str], flange: Matrix, *, inverse: bool = False
-) -> FittingOrder:
-    """The order by which angles (N, 3), rad, are those of something on the flange, whose rotations (N, 3, 3)
-    are nominal, as seen from anywhere.
+) -> tuple[Matrix, str]:
+    """The rotations (N, 3, 3) of angles (N, 3), rad, by the order by which they are those of something on the
+    flange, whose rotations (N, 3, 3) are nominal, as seen from anywhere; and a sentence on the order.
 
     The columns are angles about x, y and z; tried are all orders of these rotations, and rotation vectors.
     Another naming of the axes would be a change of frames, which are not known. `inverse`: the inverse of
@@ -73,24 +65,21 @@ def found_order(
             allowed=f"{_LEAST} or more",
             remedy="state the order, such as --euler XYZ-fixed",
         )
-
-    def misfit(turned: Matrix) -> float:
-        return _misfit(turned.transpose(0, 2, 1) if inverse else turned, flange)
-
-    vectors = rotations(angles, VECTOR)
-    tried = [(misfit(vectors), f"{VECTOR} of {', '.join(columns)}", vectors)]
+    tried = {f"{VECTOR} of {', '.join(columns)}": rotations(angles, VECTOR)}
     for axes in _PLAIN:
         at = ["XYZ".index(axis) for axis in axes]
-        turned = rotations(angles[:, at], f"{axes}-fixed")
         # The same rotations backwards about axes that move are named by the columns as they are.
         name = "XYZ-moving" if axes == "ZYX" else f"{axes}-fixed"
         named = columns if axes == "ZYX" else [columns[i] for i in at]
-        tried.append((misfit(turned), f"{name} of {', '.join(named)}", turned))
-    tried.sort(key=lambda one: one[0])
-    (best, name, turned), (next_best, other, _) = tried[:2]
+        tried[f"{name} of {', '.join(named)}"] = rotations(angles[:, at], f"{axes}-fixed")
+    misfits = {
+        name: _aligned(turned.transpose(0, 2, 1) if inverse else turned, flange)[0]
+        for name, turned in tried.items()
+    }
+    name, other = sorted(misfits, key=misfits.__getitem__)[:2]
+    best, next_best = misfits[name], misfits[other]
     fits = f"{name} to {best:.3g}° (median); the next is {other} to {next_best:.3g}°"
-    clear = len(angles) * np.log(next_best / max(best, 1e-6)) > _CLEARLY
-    if best > _LARGEST_DEG or not clear:
+    if best > _LARGEST_DEG or not _clearly(best, next_best, len(angles)):
         raise BadInput(
             "no order of the angles fits the nominal arm"
             if best > _LARGEST_DEG
@@ -99,7 +88,12 @@ def found_order(
             allowed=f"one order within {_LARGEST_DEG:g}°, and the next clearly worse in so many poses",
             remedy="state the order, or check which joints belong to which pose",
         )
-    return FittingOrder(turned, f"the order that fits: {fits}")
+    return tried[name], f"the order that fits: {fits}"
+
+
+def _clearly(best: float, other: float, poses: int) -> bool:
+    """Whether one misfit is clearly below another one, by so many poses."""
+    return bool(poses * np.log(other / max(best, 1e-6)) > _CLEARLY)
 
 
 def require_as_stated(as_read: Matrix, flange: Matrix, columns: Sequence[str] | None) -> None:
@@ -110,27 +104,24 @@ def require_as_stated(as_read: Matrix, flange: Matrix, columns: Sequence[str] | 
     """
     if len(as_read) < _LEAST:
         return
-    tried: dict[str, Matrix] = {
-        "as inverse rotations": put_right(as_read, "inverse"),
-        "as inverse poses": put_right(as_read, "inverse_pose"),
+    # By how it fits: what is wrong of the readings, and how that is stated.
+    ways: dict[str, tuple[OtherPose, str]] = {
+        "as inverse rotations": ("inverse", "--inverse rotation"),
+        "as inverse poses": ("inverse_pose", "--inverse pose"),
     }
     if columns is not None:
-        tried["with w last"] = put_right(as_read, "quaternion")
+        ways["with w last"] = ("quaternion", f"--quaternion-columns {','.join((columns[3], *columns[:3]))}")
     as_stated = _misfit_of_poses(as_read, flange)
-    scores = {name: _misfit_of_poses(poses, flange) for name, poses in tried.items()}
+    scores = {name: _misfit_of_poses(put_right(as_read, wrong), flange) for name, (wrong, _) in ways.items()}
     other = min(scores, key=scores.__getitem__)
-    clear = len(as_read) * np.log(scores[other] / max(as_stated, 1e-6)) > _CLEARLY
-    if scores[other] > _LARGEST_DEG or clear:
+    if scores[other] > _LARGEST_DEG or _clearly(as_stated, scores[other], len(as_read)):
         return
-    remedies = {"as inverse rotations": "--inverse rotation", "as inverse poses": "--inverse pose"}
-    if columns is not None:
-        remedies["with w last"] = f"--quaternion-columns {columns[3]},{columns[0]},{columns[1]},{columns[2]}"
     both = as_stated <= _LARGEST_DEG
     raise BadInput(
         f"the poses fit the nominal arm {'both as stated and ' if both else ''}{other}"
         + ("" if both else ", and not as stated"),
         found=f"as stated to {as_stated:.3g}° (median), {other} to {scores[other]:.3g}°",
-        remedy=f"state {remedies[other]}" + ("; or --inverse none, where they are as stated" if both else ""),
+        remedy=f"state {ways[other][1]}" + ("; or --inverse none, where they are as stated" if both else ""),
     )
 
 
@@ -149,18 +140,13 @@ def _misfit_of_poses(poses: Matrix, flange: Matrix) -> float:
     return max(misfit, float(np.degrees(off / _ACROSS_MM)))
 
 
-def _misfit(measured: Matrix, flange: Matrix) -> float:
-    """Degrees, median: how far M_i is from A F_i B, with the rotations A and B that fit best.
+def _aligned(measured: Matrix, flange: Matrix) -> tuple[float, Matrix]:
+    """Degrees, median: how far M_i is from A F_i B, with the rotations A and B that fit best; and A.
 
     B aligns the relative rotations of poses, B^T (F_i^T F_j) B = M_i^T M_j, by their axes (as in hand-eye
     calibration; Park and Martin 1994). Only pairs whose angles agree count, so that wrong rows do not; A is
     then the mean of those M_i B^T F_i^T that are near most others.
     """
-    return _aligned(measured, flange)[0]
-
-
-def _aligned(measured: Matrix, flange: Matrix) -> tuple[float, Matrix]:
-    """`_misfit`, and A."""
     m, f = (
         np.concatenate([np.swapaxes(r[:-step], 1, 2) @ r[step:] for step in _STEPS if step < len(r)])
         for r in (measured, flange)

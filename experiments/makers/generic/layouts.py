@@ -3,11 +3,17 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from ....model.errors import BadInput
 from ....model.options import Option, names_typed
-from ..maker import Decimal, J3Counting, MarkerColumn, StillMm
+from ..maker import Decimal, J3Counting, MarkerColumn, StillDeg, StillMm, StillSeconds
+
+if TYPE_CHECKING:
+    from ....model.arrays import Matrix
+    from ....model.kinematics.robot import Robot
+
+_BOUNDS = {"still_deg": (1e-9, 360.0), "still_s": (1e-3, 1e6), "still_mm": (1e-9, 1e6)}
 
 
 def _names(help: str, flag: str | None = None) -> Option:
@@ -23,6 +29,64 @@ def require_columns(flag: str, names: Sequence[str] | None, count: int) -> None:
             found=", ".join(names),
             allowed=f"{count} different ones",
         )
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """The definition of a dwell: every joint within so many degrees (prismatic: mm) for at least so many
+    seconds."""
+
+    still_deg: StillDeg = None
+    still_s: StillSeconds = None
+    still_mm: StillMm = None
+
+    @property
+    def stated(self) -> bool:
+        """Whether it is; BadInput for half of it."""
+        if (self.still_deg is None) != (self.still_s is None) or (self.still_mm and self.still_s is None):
+            raise BadInput(
+                "a dwell needs a tolerance and a time",
+                remedy="state both --still-deg and --still-s, or neither",
+            )
+        return self.still_s is not None
+
+    def required(self) -> "Stillness":
+        """Itself; BadInput where it is not stated."""
+        if not self.stated:
+            raise BadInput(
+                "a recording over time needs to know what a dwell is",
+                remedy="state --still-deg and --still-s",
+            )
+        return self
+
+    @property
+    def seconds(self) -> float:
+        """The shortest dwell."""
+        return self.required().still_s or 0.0
+
+    def __str__(self) -> str:
+        return f"joints within {self.still_deg:g} deg for {self.still_s:g} s"
+
+    def tolerance(self, robot: "Robot") -> "Matrix":
+        """(n,) degrees or mm; BadInput for a value that is missing or not above zero."""
+        import numpy as np
+
+        slides = [joint.kind == "prismatic" for joint in robot.joints]
+        if any(slides) and self.still_mm is None:
+            raise BadInput(
+                "the tolerance of a dwell is not stated for the prismatic joints",
+                found=f"{robot.name} has prismatic joints",
+                remedy="state it in mm (--still-mm)",
+            )
+        for name, (least, most) in _BOUNDS.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= most:
+                raise BadInput(
+                    f"the value of --{name.replace('_', '-')} is out of range",
+                    found=f"{value:g}",
+                    allowed=f"a number above 0, from {least:g} to {most:g}",
+                )
+        return np.array([self.still_mm if slide else self.still_deg for slide in slides], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -51,11 +115,6 @@ class CsvLayout:
     shot_column: Annotated[str | None, Option("Column of the measurement numbers.")] = None
     time_column: Annotated[str | None, Option("Column of times.")] = None
     time_units: Annotated[Literal["s", "ms", "us", "ns"] | None, Option("Unit of the times.")] = None
-    still_deg: Annotated[
-        float | None, Option("A measurement is where the arm dwells: each joint within so many degrees, …")
-    ] = None
-    still_s: Annotated[float | None, Option("… for at least so many seconds.")] = None
-    still_mm: StillMm = None
     marker_column: MarkerColumn = None
     small_angles: Annotated[
         bool, Option("The angles are in degrees, although all are as small as radians would be.")

@@ -25,7 +25,8 @@ from ....model.parsing.reading import did_you_mean, read_text, require_regular
 from ....model.records import it, record
 from ..import_jobs import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
-from .dwells import JointLog, Mark, Stillness
+from .dwells import JointLog, Mark
+from .layouts import Stillness
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

@@ -109,16 +109,14 @@ def _read(
     marker_column: MarkerColumn = None,
 ) -> "Imported":
     """Universal Robots: what a plan's program has recorded, or RTDE recordings, by where the arm dwells."""
-    from ..generic.csv_file import import_log
-    from ..generic.dwells import Stillness
+    from ..generic.layouts import Stillness
     from ..joint_text import import_program_log
+    from ..known_logs import read_log
 
-    if still_deg is None and still_s is None:
+    still = Stillness(still_deg, still_s)
+    if not still.stated:
         return import_program_log(job, source="URScript")
-    still = Stillness.required(still_deg, still_s)
-    return import_log(
-        _rtde, job, still=still, delimiter=delimiter, decimal=decimal, marker_column=marker_column
-    )
+    return read_log(job, _rtde, still, delimiter, decimal, marker_column)
 
 
 MAKER = Maker(

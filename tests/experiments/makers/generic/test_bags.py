@@ -16,7 +16,7 @@ from child import ZEROBEAM, child
 from import_files import import_ros
 from recorded_logs import HEADER, moves
 
-from zerobeam.experiments.makers.generic.dwells import Stillness
+from zerobeam.experiments.makers.generic.layouts import Stillness
 from zerobeam.experiments.makers.generic.ros import topics_of
 from zerobeam.experiments.makers.import_jobs import Imported
 from zerobeam.model.errors import BadInput

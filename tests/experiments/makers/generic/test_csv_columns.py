@@ -5,8 +5,8 @@ import pytest
 from import_files import import_csv
 from recorded_logs import HEADER, POSTURES, moves
 
-from zerobeam.experiments.makers.generic.csv_file import CsvLayout
-from zerobeam.experiments.makers.generic.dwells import Stillness
+from zerobeam.experiments.makers.generic.csv_file import NO_DWELLS, CsvLayout
+from zerobeam.experiments.makers.generic.layouts import Stillness
 from zerobeam.model.files.run import read_run, write_run
 
 LASER = """\
@@ -20,7 +20,7 @@ COLUMNS = [f"a{i}" for i in range(1, 7)]
 
 @pytest.fixture
 def read(tmp_path):
-    def call(text, targets=(), header=LASER, still=None, **options):
+    def call(text, targets=(), header=LASER, still=NO_DWELLS, **options):
         path, top = tmp_path / "shots.csv", tmp_path / "header.yaml"
         path.write_text(text)
         top.write_text(header)

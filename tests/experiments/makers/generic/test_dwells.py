@@ -3,13 +3,13 @@ import pytest
 from recorded_logs import POSTURES, moves
 
 from zerobeam.experiments.makers.generic.dwells import (
-    Stillness,
     calmest,
     dwell_of_each,
     find_dwells,
     held,
     repeats,
 )
+from zerobeam.experiments.makers.generic.layouts import Stillness
 from zerobeam.model.files.robot_file import load_robot
 
 TOLERANCE = np.full(6, 0.02)
@@ -143,10 +143,11 @@ def test_repeats_and_marks():
     dwells, _ = find_dwells(times, joints, TOLERANCE, 0.5)
     assert repeats(dwells, TOLERANCE) == [None, None, 0, None]
     middle = [(dwell.start_s + dwell.end_s) / 2 for dwell in dwells]
-    assert dwell_of_each(dwells, np.array(middle), 0.5) == [0, 1, 2, 3]
+    assert dwell_of_each(dwells, np.array(middle))[0].tolist() == [0, 1, 2, 3]
     near = np.array([dwells[1].start_s - 0.2, dwells[-1].end_s + 0.24, dwells[-1].end_s + 0.26])
-    assert dwell_of_each(dwells, near, 0.5) == [1, 3, None]
-    assert dwell_of_each([], np.array([1.0]), 0.5) == [None]
+    nearest, away = dwell_of_each(dwells, near)
+    assert nearest.tolist() == [1, 3, 3]
+    np.testing.assert_allclose(away, [0.2, 0.24, 0.26])
 
 
 def test_rows_that_hold_until_the_next():

@@ -5,7 +5,7 @@ import pytest
 from import_files import import_log
 from recorded_logs import POSTURES, moves, table, ur
 
-from zerobeam.experiments.makers.generic.dwells import Stillness
+from zerobeam.experiments.makers.generic.layouts import Stillness
 
 STILL = Stillness(0.02, 0.5)
 

@@ -191,9 +191,9 @@ def made_poses(count, rng):
 def test_the_order_is_that_which_fits():
     angles, flange = made_poses(40, np.random.default_rng(1))
     angles[:4] += 0.5  # wrong rows
-    fitting = found_order(angles, ["rx", "ry", "rz"], flange)
-    np.testing.assert_allclose(fitting.rotations, rotations(angles, "XYZ-fixed"))
-    assert "XYZ-fixed of rx, ry, rz to" in fitting.sentence
+    turned, sentence = found_order(angles, ["rx", "ry", "rz"], flange)
+    np.testing.assert_allclose(turned, rotations(angles, "XYZ-fixed"))
+    assert "XYZ-fixed of rx, ry, rz to" in sentence
 
 
 def test_control_no_order_fits_what_does_not_belong_together(refused):

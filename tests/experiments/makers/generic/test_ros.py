@@ -9,7 +9,7 @@ import pytest
 from import_files import import_ros
 from recorded_logs import POSTURES, moves
 
-from zerobeam.experiments.makers.generic.dwells import Stillness
+from zerobeam.experiments.makers.generic.layouts import Stillness
 from zerobeam.model.files.run import read_run, write_run
 
 pytest.importorskip("rosbags")
