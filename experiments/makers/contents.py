@@ -66,18 +66,6 @@ def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
     return plain_rows(decode_other(whole, file=path), path), False
 
 
-def table_with(path: Path, text: str, layout: Layout) -> TextTable:
-    """The table of a text; BadInput with the line where it is none."""
-    return table_of(
-        text,
-        path,
-        header_row=layout.header_row,
-        delimiter=layout.delimiter,
-        decimal=layout.decimal,
-        joints_of=None,
-    )
-
-
 def columns_of(table: TextTable) -> list[TableColumn]:
     names = table.names or tuple(f"column {i + 1}" for i in range(table.width))
     return [_column(table, i, name) for i, name in enumerate(names)]
@@ -237,7 +225,7 @@ def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> 
         raise BadInput("the file is empty", file=path)
     rows, remarks = without_remarks(text, ("//",))
     layout = stated_layout or layout_of(rows)
-    table = table_with(path, rows, layout)
+    table = table_of(rows, path, layout)
     columns = tuple(columns_of(table))
     if not any(column.lowest is not None for column in columns):
         raise BadInput(

@@ -33,7 +33,7 @@ from ...model.files.shot import (
 )
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
-from ...model.parsing.reading import KeyPath, did_you_mean, read_other_text, read_yaml, real_path
+from ...model.parsing.reading import KeyPath, read_other_text, read_yaml, real_path, unknown_name
 from ...model.parsing.validation import validate
 
 
@@ -466,12 +466,7 @@ def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None) -> list[
         return list(points)
     for name in names:
         if name not in known:
-            raise BadInput(
-                "there is no point of this name",
-                found=name,
-                allowed=", ".join(known),
-                remedy=did_you_mean(name, known),
-            )
+            raise unknown_name("there is no point of this name", name, known)
     return [points[known.index(name)] for name in dict.fromkeys(names)]
 
 

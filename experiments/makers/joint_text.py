@@ -10,7 +10,7 @@ commas, and whole millionths of a degree.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -87,9 +87,11 @@ def labelled(text: str, names: Sequence[str] = ()) -> dict[int, float]:
     """Values with a joint's name before them, by its number from 1: `J1= 10 deg`, `A1 10`, `S: 10`. `names`
     are those of the pendant, joint 1 first."""
     text = text.translate(_MINUS)
-    values = _by_names(text, names)
-    if values:
-        return values
+    if names:
+        called = "|".join(map(re.escape, names))
+        pairs = re.findall(rf"(?<![\w.])({called})(?:\s*[:=]\s*|\s+)({_NUMBER})", text)
+        if pairs:  # the first of each name
+            return {names.index(name) + 1: _value(number) for name, number in reversed(pairs)}
     values = {int(match[1]): _value(match[2]) for match in _LABELLED.finditer(text)}
     if 0 in values:  # q0 to q5
         values = {number + 1: value for number, value in values.items()}
@@ -115,16 +117,6 @@ def joints_so_far(text: str, names: Sequence[str] = ()) -> int:
     return len(parts) if all(re.fullmatch(_NUMBER, part) for part in parts) else 0
 
 
-def _by_names(text: str, names: Sequence[str]) -> dict[int, float]:
-    """Values behind the pendant's own names, by number from 1, where there is one."""
-    values: dict[int, float] = {}
-    for number, name in enumerate(names, start=1):
-        match = re.search(rf"(?<![\w.]){re.escape(name)}(?:\s*[:=]\s*|\s+)({_NUMBER})", text)
-        if match is not None:
-            values[number] = _value(match[1])
-    return values
-
-
 def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> TypedJoints:
     """The `n` joint values of a text, in the order of the joints: values without names are in the pendant's
     order.
@@ -148,7 +140,7 @@ def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> TypedJoin
                 found=f"{shown(text.strip())}: none for joint {', '.join(map(str, missing))}",
                 allowed=f"values of joints 1 to {n}",
             )
-        return TypedJoints(_in_order(by_name, n), unit)
+        return TypedJoints(tuple(by_name[number] for number in range(1, n + 1)), unit)
     if _CARTESIAN.search(plain):
         raise BadInput(
             "this is a Cartesian position, and the configuration of the arm would be a guess",
@@ -158,20 +150,18 @@ def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> TypedJoin
         )
     plain = re.sub(r"\b(?:deg|degrees|rad|radians|mm|pulses?)\b", " ", plain)
     order = list(range(n)) if pendant is None else pendant.order
-    for inner in [match[1] for match in _INNERMOST.finditer(plain)]:
-        values = plain_numbers(inner, n)
+    lists = [match[1] for match in _INNERMOST.finditer(plain)]
+    values: tuple[float, ...] | None = None
+    for part in (*lists, re.sub(r"[\[\](){}]", " ", plain)):
+        values = plain_numbers(part, n)
         if values is not None and len(values) == n:
             return TypedJoints(tuple(values[order.index(i)] for i in range(n)), unit)
-    values = plain_numbers(re.sub(r"[\[\](){}]", " ", plain), n)
-    if values is None or len(values) != n:
-        count = "no numbers" if not values else f"{len(values)} numbers"
-        raise BadInput(
-            "these are not the joint values",
-            found=f"{shown(text.strip()) or 'nothing'} ({count})",
-            allowed=f"{n} numbers, "
-            + ("joint 1 first" if order == sorted(order) else "in the pendant's order"),
-        )
-    return TypedJoints(tuple(values[order.index(i)] for i in range(n)), unit)
+    count = "no numbers" if not values else f"{len(values)} numbers"
+    raise BadInput(
+        "these are not the joint values",
+        found=f"{shown(text.strip()) or 'nothing'} ({count})",
+        allowed=f"{n} numbers, " + ("joint 1 first" if order == sorted(order) else "in the pendant's order"),
+    )
 
 
 def _unit(text: str) -> PendantUnit | None:
@@ -182,22 +172,19 @@ def _unit(text: str) -> PendantUnit | None:
     return "rad" if re.search(r"\b(?:rad|radians)\b", text) else None
 
 
-def _in_order(by_name: Mapping[int, float], n: int) -> tuple[float, ...]:
-    return tuple(by_name[number] for number in range(1, n + 1))
-
-
 def plain_numbers(text: str, n: int) -> tuple[float, ...] | None:
     """All numbers of a text of numbers and delimiters; None where anything else is in it."""
-    parts = [part for part in re.split(r"[;\s|]+", text.strip()) if part]
+    words = number_words(text, n)
+    return None if words is None else tuple(map(_value, words))
+
+
+def number_words(text: str, n: int) -> list[str] | None:
+    """The same as they are written, decimal commas as points where `n` numbers can be meant no other way."""
+    parts = [part for part in re.split(r"[;\s|]+", text) if part]
     if len(parts) == n and any("," in part for part in parts) and all(map(_DECIMAL_COMMA.fullmatch, parts)):
-        return _floats([part.replace(",", ".") for part in parts])
-    return _floats([part for part in re.split(r"[;,\s|]+", text.strip()) if part])
-
-
-def _floats(parts: Sequence[str]) -> tuple[float, ...] | None:
-    if not all(re.fullmatch(_NUMBER, part) for part in parts):
-        return None
-    return tuple(_value(part) for part in parts)
+        return [part.replace(",", ".") for part in parts]
+    parts = [part for part in re.split(r"[;,\s|]+", text) if part]
+    return parts if all(re.fullmatch(_NUMBER, part) for part in parts) else None
 
 
 def _value(text: str) -> float:

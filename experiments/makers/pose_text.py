@@ -10,7 +10,7 @@ from ...model.errors import BadInput
 from ...model.kinematics.pendant import Pendant
 from ...model.kinematics.robot import PendantUnit
 from ...model.parsing.reading import shown
-from .joint_text import plain_numbers, typed_joints
+from .joint_text import number_words, typed_joints
 
 _LABEL = re.compile(r"(?<![\d.,])[A-Za-z_]+\d?\s*[:=]?|[\[\](){}°]")
 _COARSEST_JOINT = 0.01  # deg, mm: a pendant shows two decimals; who types 20 has read 20.00
@@ -34,9 +34,9 @@ def typed_poses(
     counted = [_counted(pendant, text, units) for text in joints]
     if len(set(counted)) < len(counted):
         raise BadInput("two postures are the same", remedy="read the pose at another posture")
-    numbers = [_numbers(text, count_of(form)) for text in poses]
+    numbers = [_words(text, count_of(form)) for text in poses]
     places, angles = [words[:3] for words in numbers], [words[3:] for words in numbers]
-    joint_digit = _digit([_numbers_in(text) for text in joints])
+    joint_digit = _digit([number_words(_plain(text), pendant.robot.n) or [] for text in joints])
     if units == "deg":
         joint_digit = min(joint_digit, _COARSEST_JOINT) if joint_digit == 1 else joint_digit
     joint_digit /= min(abs(pendant.per_degree(units)).tolist())
@@ -52,26 +52,21 @@ def _counted(pendant: Pendant, text: str, units: PendantUnit) -> tuple[float, ..
     return tuple((values / pendant.per_degree(units)).tolist())
 
 
-def _numbers(text: str, count: int) -> list[str]:
-    words = _numbers_in(text)
-    values = plain_numbers(" ".join(words), count)
-    if values is None or len(values) != count or (count == 7 and not any(values[3:])):
+def _words(text: str, count: int) -> list[str]:
+    words = number_words(_plain(text), count)
+    if words is None or len(words) != count or (count == 7 and not any(map(float, words[3:]))):
         raise BadInput(
             "this is not a pose as the pendant shows it",
-            found=f"{shown(text.strip()) or 'nothing'} ({len(words)} numbers)",
+            found=f"{shown(text.strip()) or 'nothing'} ({len(_plain(text).split())} numbers)",
             allowed=f"{count} numbers: {_HINT[count]}",
             remedy="state by --angles how the pendant shows orientations, if not as the maker's do",
         )
     return words
 
 
-def _numbers_in(text: str) -> list[str]:
-    """The numbers of a text with decimal points, as they are written."""
-    text = _LABEL.sub(" ", text.replace("\u2212", "-").replace("\u2013", "-"))
-    parts = [part for part in re.split(r"[;\s|]+", text.strip()) if part]
-    if "." not in text and len(parts) > 1 and any(re.fullmatch(r"[-+]?\d+,\d+", part) for part in parts):
-        return [part.replace(",", ".") for part in parts]
-    return [part for part in re.split(r"[;,\s|]+", text.strip()) if part]
+def _plain(text: str) -> str:
+    """The text without labels and brackets."""
+    return _LABEL.sub(" ", text.replace("\u2212", "-").replace("\u2013", "-"))
 
 
 def _digit(texts: Sequence[Sequence[str]]) -> float:

@@ -170,11 +170,8 @@ class StatedWorkspace(FileModel):
                     allowed=f"workspace.{key}: {values}",
                     file=path,
                 )
-        heads = layout_of(text, decimal=".").header_row
-        pendant = pendant_of(robot)
-        table = table_of(
-            text, path, header_row=heads, delimiter=None, decimal=".", joints_of=None if heads else robot
-        )
+        layout, pendant = layout_of(text, decimal="."), pendant_of(robot)
+        table = table_of(text, path, layout, None if layout.header_row else robot)
         joints = JointColumns(pendant, None, self.units, self.lengths).read(table)
         if self.units == "deg":
             remedy = "state workspace.units: rad; if they are degrees, state the postures as a plan"

@@ -8,7 +8,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeVar
@@ -258,12 +258,10 @@ def _finite(texts: list[str], decimal: str) -> Matrix | None:
 def read_table(
     path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
 ) -> TextTable:
-    """The table of a file; without `delimiter` it is found. Without a header row `joints_of` means: its
-    columns are a robot's joints."""
+    """The table of a file; without `delimiter` it is found."""
     text = plain_rows(read_other_text(path, LARGEST_TABLE), path)
-    return table_of(
-        text, path, header_row=header_row, delimiter=delimiter, decimal=decimal, joints_of=joints_of
-    )
+    layout = layout_of(text, header_row=header_row, delimiter=delimiter, decimal=decimal)
+    return table_of(text, path, layout, joints_of)
 
 
 def read_remarked_table(path: Path, delimiter: str | None, decimal: str) -> tuple[TextTable, list[str]]:
@@ -280,10 +278,8 @@ def read_remarked_table(path: Path, delimiter: str | None, decimal: str) -> tupl
         if len(both) == 2 and len(both[0]) == len(both[1]):
             named = not any(number(cell, decimal) is not None for cell in both[0])
             lines[above[-1]] = remarks[above[-1]] if named else ""
-    table = table_of(
-        "\n".join(lines), path, header_row=named, delimiter=layout.delimiter, decimal=decimal, joints_of=None
-    )
-    return table, list(remarks.values())
+    layout = replace(layout, header_row=named)
+    return table_of("\n".join(lines), path, layout), list(remarks.values())
 
 
 def without_remarks(text: str, signs: tuple[str, ...] = ("//", "#")) -> tuple[str, dict[int, str]]:
@@ -312,18 +308,15 @@ def plain_rows(text: str, path: Path) -> str:
     return _LIST.sub(lambda match: match["joints"], text)
 
 
-def table_of(
-    text: str, path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
-) -> TextTable:
-    """Parse a table from its text; `path` is named in errors. Else as `read_table`."""
+def table_of(text: str, path: Path, layout: Layout, joints_of: Robot | None = None) -> TextTable:
+    """The table of a text; `path` is named in errors. Without a header row `joints_of` means: its columns are
+    a robot's joints."""
     with located(path):
-        return _table(text, path, header_row, delimiter, decimal, joints_of)
+        return _table(text, path, layout, joints_of)
 
 
-def _table(
-    text: str, path: Path, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
-) -> TextTable:
-    delimiter = found_delimiter(text, decimal) if delimiter is None else delimiter
+def _table(text: str, path: Path, layout: Layout, joints_of: Robot | None) -> TextTable:
+    header_row, delimiter, decimal = layout.header_row, layout.delimiter, layout.decimal
     # Columns that are aligned with blanks have several between them.
     reader = csv.reader(
         io.StringIO(text, newline=""), delimiter=delimiter, strict=True, skipinitialspace=delimiter == " "

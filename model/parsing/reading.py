@@ -16,7 +16,7 @@ import re
 import stat
 import warnings
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -231,6 +231,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str | None:
         same += [name for name in known if name == meant]
     near = same or difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else None
+
+
+def unknown_name(what: str, name: str, known: Sequence[str]) -> BadInput:
+    """The error for a name that is none of those that are known."""
+    return BadInput(what, found=name, allowed=", ".join(known), remedy=did_you_mean(name, known))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from ....model.files.header import Header, RobotRef, check_header, header_conten
 from ....model.files.joint_columns import JointColumns
 from ....model.files.limits import beyond_limits
 from ....model.files.robot_file import load_robot
-from ....model.files.text_tables import TextTable, check_signs, layout_of
+from ....model.files.text_tables import TextTable, check_signs, layout_of, table_of
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml
@@ -227,7 +227,7 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
         path = folder.file(name)
         text, all_of_it = columns_found.head_of(path, max(10**5, columns_found.HEAD // len(request.files)))
         whole = whole and all_of_it
-        tables.append(columns_found.table_with(path, text, layout_of(text, **_layout(request))))
+        tables.append(table_of(text, path, layout_of(text, **_layout(request))))
     raw = np.concatenate([_raw(table, chosen, robot) for table in tables])
     proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
     pendant, recorded = (

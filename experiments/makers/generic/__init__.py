@@ -133,7 +133,7 @@ def _read_ros(
     from .ros import import_joint_states, import_ros
 
     if all(path.suffix.lower() in (".yaml", ".yml", ".txt") for path in job.paths):
-        if still.stated or topic is not None or marker_topic is not None:
+        if still.defined or topic is not None or marker_topic is not None:
             raise BadInput(
                 "joint states in text have no times: each message is a measurement",
                 remedy="leave out --still-deg, --still-s, --still-mm, --topic and --marker-topic",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from ruamel.yaml import YAML, AliasToken
 from ruamel.yaml.error import YAMLError
@@ -32,16 +32,6 @@ ALWAYS = 64 * 10**6  # bytes that may be unpacked whatever the ratio
 AT_ONCE = 256 * 10**6  # bytes in memory at once: a chunk, a message, chunks whose times overlap
 _STEP = 2**20  # bytes
 _LONGEST_DEFAULT = 1000  # characters, of a column in a .db3
-
-
-class _Decompressor(Protocol):
-    """A decompressor of bz2, lz4 or zstd."""
-
-    eof: bool
-    needs_input: bool
-    unused_data: bytes | None
-
-    def decompress(self, data: bytes, max_length: int = -1) -> bytes: ...
 
 
 class Unpacking:
@@ -73,8 +63,8 @@ class Unpacking:
                 remedy="record in smaller chunks, or keep the topic of the joint states alone",
             )
 
-    def whole(self, data: bytes, decompressor: Callable[[], _Decompressor]) -> bytes:
-        """A chunk or a message unpacked: one stream of data or several."""
+    def whole(self, data: bytes, decompressor: Callable[[], Any]) -> bytes:
+        """A chunk or a message unpacked by bz2, lz4 or zstd: one stream of data or several."""
         parts: list[bytes] = []
         size = 0
         while data:

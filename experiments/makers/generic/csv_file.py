@@ -22,7 +22,7 @@ def import_csv(job: ImportJob, layout: CsvLayout, still: Stillness = NO_DWELLS) 
     All measurements of a file are at the target stated for it, or at that in `target_column`. Nothing is
     written. BadInput, with file and line, for what does not fit.
     """
-    robot, dwells = job.robot, still.stated
+    robot, dwells = job.robot, still.defined
     joints = JointColumns.of_options(
         robot,
         layout.columns,

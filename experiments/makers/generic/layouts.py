@@ -41,7 +41,7 @@ class Stillness:
     still_mm: StillMm = None
 
     @property
-    def stated(self) -> bool:
+    def defined(self) -> bool:
         """Whether it is; BadInput for half of it."""
         if (self.still_deg is None) != (self.still_s is None) or (self.still_mm and self.still_s is None):
             raise BadInput(
@@ -52,7 +52,7 @@ class Stillness:
 
     def required(self) -> "Stillness":
         """Itself; BadInput where it is not stated."""
-        if not self.stated:
+        if not self.defined:
             raise BadInput(
                 "a recording over time needs to know what a dwell is",
                 remedy="state --still-deg and --still-s",

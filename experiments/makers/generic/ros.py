@@ -21,7 +21,7 @@ from ....model.errors import BadInput, located
 from ....model.files.joint_columns import JointColumns
 from ....model.files.text_tables import number
 from ....model.kinematics.robot import Robot
-from ....model.parsing.reading import did_you_mean, read_text, require_regular
+from ....model.parsing.reading import did_you_mean, read_text, require_regular, unknown_name
 from ....model.records import it, record
 from ..import_jobs import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 
+_NO_TOPIC = "there is no topic of this name"
 _KEY = re.compile(r"(?P<key>[A-Za-z_]\w*)\s*:\s*(?P<inline>\[.*\])?\s*$")
 _ITEM = re.compile(r"\s*-\s+(?P<value>.+?)\s*$")
 _QUOTED = re.compile(r"^(['\"])(.*)\1$")
@@ -225,7 +226,7 @@ def _read(
         if marker_topic is not None:
             markers = [c for c in reader.connections if c.topic == marker_topic]
             if not markers:
-                raise _no_topic(marker_topic, reader)
+                raise unknown_name(_NO_TOPIC, marker_topic, sorted(reader.topics))
             marks = [
                 Mark((stamp - stamps[0]) * 1e-9, None if message is None else str(message.data))
                 for stamp, message in bag.messages(markers)
@@ -245,7 +246,7 @@ def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader) -
                     found=f"{topic} of type {reader.topics[topic].msgtype}",
                     allowed=", ".join(there) or JOINT_STATE,
                 )
-            raise _no_topic(topic, reader)
+            raise unknown_name(_NO_TOPIC, topic, sorted(reader.topics))
         return topic
     if not there:
         raise BadInput(
@@ -260,13 +261,3 @@ def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader) -
             remedy="state which one is of the arm (--topic)",
         )
     return there[0]
-
-
-def _no_topic(topic: str, reader: AnyReader) -> BadInput:
-    there = sorted(reader.topics)
-    return BadInput(
-        "there is no topic of this name",
-        found=topic,
-        allowed=", ".join(there),
-        remedy=did_you_mean(topic, there),
-    )

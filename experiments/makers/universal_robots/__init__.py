@@ -114,7 +114,7 @@ def _read(
     from ..known_logs import read_log
 
     still = Stillness(still_deg, still_s)
-    if not still.stated:
+    if not still.defined:
         return import_program_log(job, source="URScript")
     return read_log(job, _rtde, still, delimiter, decimal, marker_column)
 
