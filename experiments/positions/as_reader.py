@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_zyz
-from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
+from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
+from .position_names import LineProgram, SharedNames
 
 _I = re.IGNORECASE
 _SECTION = re.compile(r"\.([A-Z][A-Z0-9_]*)(?:[ \t].*|[ \t]*)", _I)
@@ -35,15 +36,15 @@ _TRANS = re.compile(rf"TRANS[ \t]*\(([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER}){{5}
 
 def read_as(reading: BackupReading) -> None:
     """The sections of all files: data first, then programs."""
-    stored: set[str] = set()
-    programs = [(file, lines) for file in reading.files for lines in _sections(file, reading, stored)]
-    for file, lines in programs:
-        _program(file, lines, reading, stored)
+    names = SharedNames(reading, _NAME)
+    programs = [AsProgram(file, names, lines) for file in reading.files for lines in _sections(file, names)]
+    for program in programs:
+        program.run()
 
 
-def _sections(file: SourceFile, reading: BackupReading, stored: set[str]) -> list[list[re.Match[str]]]:
+def _sections(file: SourceFile, names: SharedNames) -> list[list[re.Match[str]]]:
     """The lines of its programs; positions, tools and frames are added."""
-    section = ""
+    section, reading = "", names.reading
     programs: list[list[re.Match[str]]] = []
     lines = [line for line in re.finditer(r"[^\r\n]+", file.bare) if not line[0].startswith(".*")]
     if (model := _MODEL.search(file.text)) is not None:
@@ -55,8 +56,8 @@ def _sections(file: SourceFile, reading: BackupReading, stored: set[str]) -> lis
             programs += [[]] if section == "PROGRAM" else []
         elif section == "PROGRAM":
             programs[-1].append(line)
-        elif section in ("TRANS", "JOINTS"):
-            _entry(file, line, section == "JOINTS", reading, stored)
+        elif section in ("TRANS", "JOINTS") and line[0].strip():
+            _entry(file, line, section == "JOINTS", names)
         elif section == "SYSDATA" and (system := _SYSTEM.fullmatch(line[0])) is not None:
             what: What = "tool" if system[1].upper() == "TOOL" else "frame"
             numbers = [float(each) for each in system[2].split()]
@@ -66,143 +67,106 @@ def _sections(file: SourceFile, reading: BackupReading, stored: set[str]) -> lis
     return programs
 
 
-def _entry(
-    file: SourceFile, line: re.Match[str], joints: bool, reading: BackupReading, stored: set[str]
-) -> None:
-    if not line[0].strip():
-        return None
-    entry = _ENTRY.fullmatch(line[0])
+def _entry(file: SourceFile, line: re.Match[str], joints: bool, names: SharedNames) -> None:
+    entry, pos = _ENTRY.fullmatch(line[0]), line.start()
     if entry is None or entry["name"].startswith("#") != joints:
-        return reading.unread(file, line.start(), "this position is not understood")
-    spans = numbers_in(entry["values"], line.start() + entry.start("values"))
-    name, label = _plain(entry["name"]), entry["name"]
-    if len(spans) < 6:
-        return reading.unread(file, line.start(), f"{label} has {len(spans)} numbers", label)
-    if name in stored:
-        reading.refuse(file, line.start(), f"{label} is listed twice: convert one saved file alone")
-    stored.add(name)
-    external = [float(file.text[slice(*span)]) for span in spans[6:]]
-    if joints:
-        return reading.add(file, line.start(), name, label, spans[:6], axes=range(6), external=external)
-    return reading.add(file, line.start(), name, label, spans[:6], external=external, register=True)
+        return names.reading.unread(file, pos, "this position is not understood")
+    spans, label = numbers_in(entry["values"], pos + entry.start("values")), entry["name"]
+    name = names.plain(label)
+    if len(spans) >= 6:
+        if name in names.keys:
+            names.reading.refuse(file, pos, f"{label} is listed twice: convert one saved file alone")
+        names.keys[name] = [name]
+    return names.reading.six(file, pos, name, label, spans, joints=joints, register=not joints)
 
 
-def _plain(name: str) -> str:
-    return re.sub(r"\s", "", name).lower()
+class AsProgram(LineProgram):
+    """A program, with the names of all files."""
 
+    def __init__(self, file: SourceFile, names: SharedNames, lines: list[re.Match[str]]) -> None:
+        super().__init__(file, names)
+        self.lines = lines
 
-def _program(file: SourceFile, lines: list[re.Match[str]], reading: BackupReading, stored: set[str]) -> None:
-    active = Active()
-    sets = {match[1].upper() for each in reading.files for match in _SETS.finditer(each.bare)}
-    for line in lines:
-        active.jumps |= _JUMP.match(line[0]) is not None
-        if (put := _SET.fullmatch(line[0])) is not None:
-            what: What = "tool" if put[1].upper() == "TOOL" else "frame"
-            active.set(what, line.start(), _transform(file, line, put, what, reading))
-    for line in lines:
-        pos = line.start() + len(line[0]) - len(line[0].lstrip())
-        # .SYSDATA holds what was set last: of a program that sets none it is known where none does.
-        tool = active.at("tool", pos) or (None if "TOOL" in sets else "sysdata")
-        frame = active.at("frame", pos) or (None if "BASE" in sets else "sysdata")
-        _statement(file, pos, line, reading, stored, (tool, frame))
+    def run(self) -> None:
+        """Its statements, with the tool and the base that are set where they are."""
+        sets = {match[1].upper() for each in self.reading.files for match in _SETS.finditer(each.bare)}
+        for line in self.lines:
+            self.active.jumps |= _JUMP.match(line[0]) is not None
+            if (put := _SET.fullmatch(line[0])) is not None:
+                what: What = "tool" if put[1].upper() == "TOOL" else "frame"
+                self.active.set(what, line.start(), self._transform(line, put[2], what))
+        for line in self.lines:
+            pos = line.start() + len(line[0]) - len(line[0].lstrip())
+            # .SYSDATA holds what was set last: of a program that sets none it is known where none does.
+            tool = self.active.at("tool", pos) or (None if "TOOL" in sets else "sysdata")
+            frame = self.active.at("frame", pos) or (None if "BASE" in sets else "sysdata")
+            if not _SET.fullmatch(line[0]):
+                self._statement(pos, line[0], tool, frame)
 
+    def _transform(self, line: re.Match[str], text: str, what: What) -> str | None:
+        """The name of a tool or base that a statement sets; None where it is computed."""
+        name = self.names.plain(text)
+        if name == "null":
+            return name
+        if (literal := _TRANS.fullmatch(text)) is not None:
+            name = f"{self.file.name}:{line.start()}"
+            numbers = [float(each) for each in literal[1].split(",")]
+            self.reading.frame(self.file, line.start(), what, name, pose_of(from_zyz, numbers))
+            return name
+        self.reading.added.add(name)
+        poses = [one for one in self.reading.positions if one.name == name and one.kind == "cartesian"]
+        if poses and (what, name) not in self.reading.frames:
+            pose = pose_of(from_zyz, poses[0].values)
+            self.reading.frame(poses[0].file, poses[0].spans[0][0], what, name, pose)
+        return name if _NAME.fullmatch(text) and not name.startswith(".") else None
 
-def _transform(
-    file: SourceFile, line: re.Match[str], put: re.Match[str], what: What, reading: BackupReading
-) -> str | None:
-    """The name of a tool or base that a statement sets; None where it is computed."""
-    name = _plain(put[2])
-    if name == "null":
-        return name
-    if (literal := _TRANS.fullmatch(put[2])) is not None:
-        name = f"{file.name}:{line.start()}"
-        numbers = [float(each) for each in literal[1].split(",")]
-        reading.frame(file, line.start(), what, name, pose_of(from_zyz, numbers))
-        return name
-    reading.added.add(name)
-    poses = [one for one in reading.positions if one.name == name and one.kind == "cartesian"]
-    if poses and (what, name) not in reading.frames:
-        reading.frame(poses[0].file, poses[0].spans[0][0], what, name, pose_of(from_zyz, poses[0].values))
-    return name if _NAME.fullmatch(put[2]) and not name.startswith(".") else None
+    def _statement(self, pos: int, text: str, tool: str | None, frame: str | None) -> None:
+        if (shape := _SHAPE.match(text)) is not None:
+            return self.refuse(pos, f"{shape[1]} changes the configuration of the next motion")
+        if (block := _BLOCK.match(text)) is not None:
+            self._goals(pos, block[1])
+            return None
+        if (move := _MOVE.search(text)) is not None:
+            goal = next(split_arguments(move[2]))[1].split(" TILL ")[0].strip()
+            names = self._goals(pos, goal)
+            if "APPRO" in move[1].upper():
+                away = re.search(rf",[ \t]*({NUMBER})[ \t]*$", move[2])
+                offset = (0.0, 0.0, -float(away[1])) if away else None
+                self.relative(pos, f"{move[1]} {goal}", names, offset, "tool")
+            return self.reading.moves(self.file, pos, names, tool, frame)
+        if (step := _STEP.match(text)) is not None:
+            numbers = [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}(?=[ \t]*(?:,|$))", step[2])]
+            plain = len(numbers) == step[2].count(",") + 1
+            if "DEPART" in step[1].upper() and plain and len(numbers) == 1:
+                return self.relative(pos, step[1], (), (0.0, 0.0, -numbers[0]), "tool")
+            if "DRAW" in step[1].upper() and plain and len(numbers) == 3:
+                return self.relative(pos, step[1], (), numbers, "tool" if step[1][0] in "tT" else "frame")
+            return self.relative(pos, f"{step[1]} is a step from where the arm is")
+        if re.match(r"[ \t]*HOME[2-9]?\b", text, _I):
+            sentence = "HOME is stored in the controller: teach it again"
+            return self.reading.doubt(self.file, pos, "elsewhere", sentence)
+        if (store := _STORES.fullmatch(text)) is not None:
+            name, value = self.names.plain(store[1]), (store[2] or "").strip()
+            literal = _LITERAL.fullmatch(value) is not None and value.startswith("#") == name.startswith("#")
+            if literal and name not in self.names.keys:
+                self.names.store(store[1], name)
+                return self._literal(self.file.bare.index(value, pos + len(store[1])), value, name, store[1])
+            self.reading.overwrites(self.file, pos, name, store[1])
+            return self.reading.moves(self.file, pos, self._goals(pos, value) if value else [])
+        return self.names.used(self.file, pos, re.sub(r"^[ \t]*[\w.]+", "", text))
 
+    def _goals(self, pos: int, goal: str) -> list[str]:
+        """The names of a goal."""
+        at = self.file.bare.index(goal, pos)
+        if _LITERAL.fullmatch(goal) is not None:
+            name = f"{self.file.name}:{at}"
+            self._literal(at, goal, name, f"line {self.file.line(at)}")
+            return [name]
+        if goal.startswith("#["):
+            self.reading.unread(self.file, at, "this position is not understood")
+            return []
+        return self.names.goals(self.file, pos, goal)
 
-def _statement(
-    file: SourceFile,
-    pos: int,
-    line: re.Match[str],
-    reading: BackupReading,
-    stored: set[str],
-    active: tuple[str | None, str | None],
-) -> None:
-    text = line[0]
-    if (shape := _SHAPE.match(text)) is not None:
-        return reading.refuse(file, pos, f"{shape[1]} changes the configuration of the next motion")
-    if _SET.fullmatch(text):
-        return None
-    if (block := _BLOCK.match(text)) is not None:
-        _goals(file, pos, block[1], reading, stored)
-        return None
-    if (move := _MOVE.search(text)) is not None:
-        goal = next(split_arguments(move[2]))[1].split(" TILL ")[0].strip()
-        names = _goals(file, pos, goal, reading, stored)
-        if "APPRO" in move[1].upper():
-            away = re.search(rf",[ \t]*({NUMBER})[ \t]*$", move[2])
-            offset = (0.0, 0.0, -float(away[1])) if away else None
-            start = names[0] if names else None
-            reading.doubt(file, pos, "relative", f"{move[1]} {goal}", start, offset, "tool")
-        return reading.moves(file, pos, names, *active)
-    if (step := _STEP.match(text)) is not None:
-        numbers = [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}(?=[ \t]*(?:,|$))", step[2])]
-        plain = len(numbers) == step[2].count(",") + 1
-        if "DEPART" in step[1].upper() and plain and len(numbers) == 1:
-            return reading.doubt(file, pos, "relative", step[1], None, (0.0, 0.0, -numbers[0]), "tool")
-        if "DRAW" in step[1].upper() and plain and len(numbers) == 3:
-            axes: What = "tool" if step[1][0] in "tT" else "frame"
-            return reading.doubt(file, pos, "relative", step[1], None, numbers, axes)
-        return reading.doubt(file, pos, "relative", f"{step[1]} is a step from where the arm is")
-    if re.match(r"[ \t]*HOME[2-9]?\b", text, _I):
-        return reading.doubt(file, pos, "elsewhere", "HOME is stored in the controller: teach it again")
-    if (store := _STORES.fullmatch(text)) is not None:
-        name, value = _plain(store[1]), (store[2] or "").strip()
-        if name not in stored and _LITERAL.fullmatch(value) and value.startswith("#") == name.startswith("#"):
-            stored.add(name)
-            at = file.bare.index(value, pos + len(store[1]))
-            return _literal(file, at, value, name, store[1], reading)
-        reading.overwrites(file, pos, name, store[1])
-        return reading.moves(file, pos, _goals(file, pos, value, reading, stored) if value else [])
-    rest = re.sub(r"^[ \t]*[\w.]+", "", text)
-    for name in _NAME.findall(rest):
-        if _plain(name) in stored:
-            reading.doubt(file, pos, "call", f"{name} is used by this statement")
-    return None
-
-
-def _goals(file: SourceFile, pos: int, goal: str, reading: BackupReading, stored: set[str]) -> list[str]:
-    """The names of a goal; of an array whose index is a variable all its elements."""
-    name, at = _plain(goal), file.bare.index(goal, pos)
-    if _LITERAL.fullmatch(goal) is not None:
-        name = f"{file.name}:{at}"
-        _literal(file, at, goal, name, f"line {file.line(at)}", reading)
-        return [name]
-    if goal.startswith("#["):
-        reading.unread(file, at, "this position is not understood")
-        return []
-    if _NAME.fullmatch(goal) is None:
-        reading.computed(file, pos, goal)
-        reading.added |= {_plain(each) for each in _NAME.findall(goal)} & stored
-        return []
-    if "[" in name and name not in stored and not re.fullmatch(r"[^\[]*\[[\d,]+\]", name):
-        reading.computed(file, pos, goal)
-        return sorted(each for each in stored if each.startswith(name.partition("[")[0] + "["))
-    return [name]
-
-
-def _literal(file: SourceFile, at: int, text: str, name: str, label: str, reading: BackupReading) -> None:
-    begin = re.search(r"[(\[]", text)
-    assert begin is not None
-    spans = numbers_in(text[begin.end() :], at + begin.end())
-    external = [float(file.text[slice(*span)]) for span in spans[6:]]
-    axes = range(6) if text.startswith("#") else None
-    if len(spans) < 6:
-        return reading.unread(file, at, f"{label} has {len(spans)} numbers", label)
-    return reading.add(file, at, name, label, spans[:6], axes=axes, external=external)
+    def _literal(self, at: int, text: str, name: str, label: str) -> None:
+        spans = numbers_in(re.sub(r"^[^(\[]*", lambda word: " " * len(word[0]), text), at)
+        self.reading.six(self.file, at, name, label, spans, joints=text.startswith("#"))

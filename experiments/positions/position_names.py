@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from .position import BackupReading, SourceFile
+from .position import Active, BackupReading, SourceFile, What
 
 
 @dataclass
@@ -39,7 +40,8 @@ class PositionNames:
             self.reading.computed(file, pos, text)
             self.reading.added |= {key for word in self.word.findall(text) for key in self._stored(word)}
             return []
-        if (index := re.search(r"[\[(].*", name)) and name not in self.keys and re.search("[a-z_]", index[0]):
+        index = re.search(r"[\[(].*", name)
+        if index is not None and name not in self.keys and not re.fullmatch(r".[\d,]+.", index[0]):
             self.reading.computed(file, pos, text)
             stem = name[: index.start() + 1]
             return sorted(key for each, keys in self.keys.items() if each.startswith(stem) for key in keys)
@@ -53,3 +55,33 @@ class PositionNames:
 
     def _stored(self, word: str) -> list[str]:
         return self.keys.get(self.plain(word), [])
+
+
+class SharedNames(PositionNames):
+    """Names that belong to all files: what is stored nowhere has its own."""
+
+    def of(self, file: SourceFile, name: str) -> list[str]:
+        return self.keys.get(self.plain(name), [self.plain(name)])
+
+
+class LineProgram:
+    """A program, or a section of a file, whose lines are statements: what is set where, and its positions."""
+
+    def __init__(self, file: SourceFile, names: PositionNames) -> None:
+        self.file, self.names, self.reading = file, names, names.reading
+        self.active = Active()
+
+    def refuse(self, pos: int, sentence: str) -> None:
+        self.reading.refuse(self.file, pos, sentence)
+
+    def relative(
+        self,
+        pos: int,
+        sentence: str,
+        names: Sequence[str] = (),
+        offset: Sequence[float] | None = None,
+        axes: What | None = None,
+    ) -> None:
+        """A move by an offset from a goal, or from where the arm is."""
+        by = None if offset is None else tuple(offset)
+        self.reading.doubt(self.file, pos, "relative", sentence, names[0] if names else None, by, axes)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, Active, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
+from .position import NUMBER, BackupReading, SourceFile, numbers_in, pose_of, split_arguments
+from .position_names import LineProgram, SharedNames
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _POINT = re.compile(r"^[ \t]*Point\d+[ \t]*\{([^{}]*)\}", _M)
@@ -35,22 +36,35 @@ _GOAL = re.compile(
 )
 _LITERAL = re.compile(r"(XY|JA)[ \t]*\(([^()]*)\)((?:[ \t]*/\w+)*)", _I)
 _SHIFT = re.compile(rf"([-+])[ \t]*([XYZ])[ \t]*\([ \t]*({NUMBER})[ \t]*\)", _I)
+_WORD = re.compile(r"(?<![\w.])[A-Z_]\w*", _I)
+_CALLED = re.compile(r"(?!P[ \t]*\([ \t]*\d+[ \t]*\))\w+[ \t]*\(", _I)
+_BEHIND = re.compile(r"\)[ \t]*[-+:]")
 
 
 def read_spel(reading: BackupReading) -> None:
     """Files of points first, then functions. P1 of a program is that of each file of points."""
-    names: dict[str, list[str]] = {}
+    names = SpelNames(reading, _WORD)
     for file in reading.files:
         if file.suffix == ".pts":
-            _points(file, reading, names)
+            _points(file, names)
     for file in reading.files:
         if file.suffix != ".pts":
             for function in _FUNCTION.finditer(file.bare):
                 lines = list(re.finditer(r"[^\r\n]+", file.bare[: function.end()]))
-                _function(file, [line for line in lines if line.start() > function.start()], reading, names)
+                inside = [line for line in lines if line.start() > function.start()]
+                SpelFunction(file, names).run(inside)
 
 
-def _points(file: SourceFile, reading: BackupReading, names: dict[str, list[str]]) -> None:
+class SpelNames(SharedNames):
+    """P1, P01 and P(1) are one."""
+
+    def plain(self, name: str) -> str:
+        name = re.sub(r"p\((\d+)\)", r"p\1", super().plain(name))
+        return f"p{int(name[1:])}" if re.fullmatch(r"p\d+", name) else name
+
+
+def _points(file: SourceFile, names: SharedNames) -> None:
+    reading = names.reading
     rest = _POINT.sub(lambda point: re.sub(r"[^\n]", " ", point[0]), file.text)
     for line in re.finditer(r"[^\r\n]+", _HEAD.sub(lambda head: " " * len(head[0]), rest)):
         if line[0].strip():
@@ -80,70 +94,81 @@ def _points(file: SourceFile, reading: BackupReading, names: dict[str, list[str]
             reading.refuse(file, point.start(), f"Point {number or '?'} is not understood")
             continue
         name = f"{file.name}:P{int(number)}"
-        if name in names.get(f"p{int(number)}", ()):
+        if name in names.keys.get(f"p{int(number)}", ()):
             reading.refuse(file, point.start(), f"P{number} is listed twice")
-        for key in (f"p{int(number)}", label.lower()):
-            names.setdefault(key, []).append(name)
+        for key in (f"p{int(number)}", label):
+            names.store(key, name)
         frame = str(int(value.get("nLocal", "0")))
         pose, words = [spans[key] for key in _POSE], [spans[key] for key in _WORDS if key in spans]
         reading.add(file, point.start(), name, label or f"P{number}", pose, words, frame=frame)
 
 
-def _function(
-    file: SourceFile, lines: list[re.Match[str]], reading: BackupReading, names: dict[str, list[str]]
-) -> None:
-    active = Active()
-    for line in lines:
-        active.jumps |= _JUMP.match(line[0]) is not None
-        if (put := _TOOL.match(line[0])) is not None:
-            active.set("tool", line.start(), put[1] and str(int(put[1])))
-        if (made := _TLSET.fullmatch(line[0])) is not None and made[2].count(",") == 5:
-            numbers = numbers_in(made[2])
-            pose = (
-                pose_of(from_abc, [float(made[2][slice(*span)]) for span in numbers])
-                if len(numbers) == 6
-                else None
-            )
-            reading.frame(file, line.start(), "tool", made[1], pose)
-        elif re.match(r"[ \t]*TLSet\b", line[0], _I):
-            reading.refuse(file, line.start(), "TLSet: tools are set when the program runs")
-    for line in lines:
-        _statement(file, line, reading, names, active.at("tool", line.end()))
+class SpelFunction(LineProgram):
+    """A function of a program."""
 
+    def run(self, lines: list[re.Match[str]]) -> None:
+        """What sets tools, then its statements."""
+        for line in lines:
+            text, pos = line[0], line.start()
+            self.active.jumps |= _JUMP.match(text) is not None
+            if (put := _TOOL.match(text)) is not None:
+                self.active.set("tool", pos, put[1] and str(int(put[1])))
+            if (made := _TLSET.fullmatch(text)) is not None and made[2].count(",") == 5:
+                numbers = [float(made[2][slice(*span)]) for span in numbers_in(made[2])]
+                pose = pose_of(from_abc, numbers) if len(numbers) == 6 else None
+                self.reading.frame(self.file, pos, "tool", made[1], pose)
+            elif re.match(r"[ \t]*TLSet\b", text, _I):
+                self.refuse(pos, "TLSet: tools are set when the program runs")
+        for line in lines:
+            self._statement(line, self.active.at("tool", line.end()))
 
-def _statement(
-    file: SourceFile,
-    line: re.Match[str],
-    reading: BackupReading,
-    names: dict[str, list[str]],
-    tool: str | None,
-) -> None:
-    text, pos = line[0], line.start() + len(line[0]) - len(line[0].lstrip())
-    if (refused := _REFUSED.match(text)) is not None:
-        return reading.refuse(
-            file, pos, f"{refused[1].split()[0]}: pulses, frames or points that are set then"
-        )
-    if (move := _MOVE.search(text)) is not None:
-        for at, part in split_arguments(re.split(r"!|\b(?:Till|Find|Sense|LimZ)\b", move[2], flags=_I)[0]):
-            begin = line.start() + move.start(2) + at + len(part) - len(part.lstrip())
-            _goal(file, begin, part.strip(), reading, names, tool)
-        return None
-    if (step := _STEP.search(text)) is not None:
-        axes: What = "frame" if step[1][0] in "bB" else "tool"
-        return reading.doubt(file, pos, "relative", step[1], None, _step(step[2]), axes)
-    if (store := _STORES.match(text)) is not None:
-        name = re.sub(r"\s", "", store[1]).lower()
-        name = re.sub(r"p\((\d+)\)", r"p\1", name)
-        if name.startswith("p("):
-            return reading.refuse(file, pos, f"{store[1]}: which point is overwritten is not known before")
-        for each in names.get(name, [name] if re.fullmatch(r"p\d+", name) else []):
-            reading.overwrites(file, pos, each, store[1])
-        if name in names or re.fullmatch(r"p\d+", name):
+    def _statement(self, line: re.Match[str], tool: str | None) -> None:
+        text, pos = line[0], line.start() + len(line[0]) - len(line[0].lstrip())
+        if (refused := _REFUSED.match(text)) is not None:
+            return self.refuse(pos, f"{refused[1].split()[0]}: pulses, frames or points that are set then")
+        if (move := _MOVE.search(text)) is not None:
+            parts = re.split(r"!|\b(?:Till|Find|Sense|LimZ)\b", move[2], flags=_I)[0]
+            for at, part in split_arguments(parts):
+                begin = line.start() + move.start(2) + at + len(part) - len(part.lstrip())
+                self._goal(begin, part.strip(), tool)
             return None
-    for word in re.findall(r"(?<![\w.])[A-Z_]\w*", text, _I):
-        if word.lower() in names:
-            reading.doubt(file, pos, "call", f"{word} is used by this statement")
-    return None
+        if (step := _STEP.search(text)) is not None:
+            axes = "frame" if step[1][0] in "bB" else "tool"
+            return self.relative(pos, step[1], (), _step(step[2]), axes)
+        if (store := _STORES.match(text)) is not None:
+            name = self.names.plain(store[1])
+            if name.startswith("p("):
+                return self.refuse(pos, f"{store[1]}: which point is overwritten is not known before")
+            if name in self.names.keys or re.fullmatch(r"p\d+", name):
+                for each in self.names.of(self.file, name):
+                    self.reading.overwrites(self.file, pos, each, store[1])
+                return None
+        return self.names.used(self.file, pos, text)
+
+    def _goal(self, pos: int, goal: str, tool: str | None) -> None:
+        literal, match = _LITERAL.match(goal), _GOAL.fullmatch(goal)
+        if literal is not None:
+            spans = numbers_in(literal[2], pos + literal.start(2))
+            if len(spans) != 6 or literal[2].count(",") != 5 or "@" in goal or _BEHIND.search(goal):
+                return self.refuse(pos, f"{goal[:40]} is not understood")
+            joints, name = literal[1].upper() == "JA", f"{self.file.name}:{pos}"
+            frame, label = None if joints else "0", f"line {self.file.line(pos)}"
+            self.reading.six(self.file, pos, name, label, spans, joints=joints, frame=frame)
+            return self.reading.moves(self.file, pos, [name], tool)
+        called = _CALLED.match(goal) is not None
+        if match is None or match["name"].lower() == "here" or called:
+            return self.reading.computed(self.file, pos, goal)
+        if re.fullmatch(r"CP|C[0-7]|LJM|ROT|ECP|SYNC", match["name"], _I):
+            return None
+        if match["other"].strip():
+            self.refuse(pos, f"{goal[:40]}: another configuration or frame than the point has")
+        several = self.names.of(self.file, match["name"])
+        if match["added"].strip():
+            shifts = _SHIFT.findall(match["added"])
+            plain = len(shifts) == len(re.findall(r"\(", match["added"]))
+            by = [sum(float(s + v) for s, a, v in shifts if a.upper() == axis) for axis in "XYZ"]
+            self.relative(pos, goal[:40], several, by if plain else None, "frame")
+        return self.reading.moves(self.file, pos, several, tool)
 
 
 def _step(text: str) -> list[float] | None:
@@ -155,43 +180,3 @@ def _step(text: str) -> list[float] | None:
     shifts = [(axis.upper(), float(sign + value)) for sign, axis, value in _SHIFT.findall(text)]
     by = [sum(value for each, value in shifts if each == axis) for axis in "XYZ"]
     return by if shifts and not _SHIFT.sub("", text) else None
-
-
-def _goal(
-    file: SourceFile,
-    pos: int,
-    goal: str,
-    reading: BackupReading,
-    names: dict[str, list[str]],
-    tool: str | None,
-) -> None:
-    literal, match = _LITERAL.match(goal), _GOAL.fullmatch(goal)
-    if literal is not None:
-        spans = numbers_in(literal[2], pos + literal.start(2))
-        if len(spans) != 6 or literal[2].count(",") != 5 or "@" in goal or re.search(r"\)[ \t]*[-+:]", goal):
-            return reading.refuse(file, pos, f"{goal[:40]} is not understood")
-        joints = literal[1].upper() == "JA"
-        name = f"{file.name}:{pos}"
-        axes = range(6) if joints else None
-        reading.add(
-            file, pos, name, f"line {file.line(pos)}", spans, axes=axes, frame=None if joints else "0"
-        )
-        return reading.moves(file, pos, [name], tool)
-    called = re.match(r"\w+[ \t]*\(", goal) is not None and not re.match(
-        r"P[ \t]*\([ \t]*\d+[ \t]*\)", goal, _I
-    )
-    if match is None or match["name"].lower() == "here" or called:
-        return reading.computed(file, pos, goal)
-    if re.fullmatch(r"CP|C[0-7]|LJM|ROT|ECP|SYNC", match["name"], _I):
-        return None
-    name = re.sub(r"[\s()]", "", match["name"]).lower()
-    name = f"p{int(name[1:])}" if re.fullmatch(r"p\d+", name) else name
-    if match["other"].strip():
-        reading.refuse(file, pos, f"{goal[:40]}: another configuration or frame than the point has")
-    several = names.get(name, [name])
-    if match["added"].strip():
-        shifts = _SHIFT.findall(match["added"])
-        plain = len(shifts) == len(re.findall(r"\(", match["added"]))
-        by = tuple(sum(float(s + v) for s, a, v in shifts if a.upper() == axis) for axis in "XYZ")
-        reading.doubt(file, pos, "relative", goal[:40], several[0], by if plain else None, "frame")
-    return reading.moves(file, pos, several, tool)

@@ -22,7 +22,7 @@ def read_val3(reading: BackupReading) -> None:
         names = scopes.setdefault(folder, Val3Names(reading, Val3Program.word, scope=folder))
         try:
             ElementTree.fromstring(file.text.encode("ascii", "replace"))
-        except ElementTree.ParseError as error:
+        except (ElementTree.ParseError, LookupError) as error:  # the encoding that it states
             reading.unread(file, 0, f"this is no whole file of an application: {error}")
         if file.suffix == ".dtx":
             data.setdefault(folder, {}).update(read_data(file, reading, names))
