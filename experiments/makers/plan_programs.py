@@ -106,7 +106,9 @@ def head_lines(plan: Plan, motion: ProgramMotion, note: str | None) -> list[str]
     return lines if note is None else [*lines, f"Note: {one_line(note)}."]
 
 
-def require_axes(robot: Robot, most: int, holder: str) -> None:
+def require_axes(
+    robot: Robot, most: int, holder: str, remedy: str = "csv, ros and robodk hold every robot"
+) -> None:
     """BadInput for an arm that a language's joint positions cannot hold."""
     sliding = [joint.name for joint in robot.joints if joint.kind == "prismatic"]
     if robot.n > most or sliding:
@@ -114,7 +116,7 @@ def require_axes(robot: Robot, most: int, holder: str) -> None:
             f"{holder} has no place for this robot's joints",
             found=f"{robot.n} joints" + (f", prismatic: {one_line(', '.join(sliding))}" if sliding else ""),
             allowed=f"at most {most} revolute joints",
-            remedy="csv, ros and robodk hold every robot",
+            remedy=remedy,
         )
 
 

@@ -22,16 +22,12 @@ from ...model.kinematics.inverse import Solver, is_singular, reach
 from ...model.kinematics.pendant import Pendant, beyond_limits, nearest_limit
 from ...model.kinematics.robot import Robot, same_arm
 from ...model.kinematics.transforms import shift
-from .position import PositionLanguage, TaughtPosition
+from .position import NotConvertible, PositionLanguage, TaughtPosition
 
 LEAST_J5 = 0.5  # deg: nearer to zero, joints 4 and 6 are not determined by a pose
 _FLANGE_OF_IRB1600 = 65.0  # mm
 _CLEAR = 2.0  # the nearest joints are taken if the next are so many times as far
 _SAME_TURN = 1e-6  # deg
-
-
-class NotConvertible(Exception):
-    """A position that cannot be converted; the sentence says why."""
 
 
 def up_to_flange(robot: Robot, nominal: Robot) -> Robot:

@@ -6,7 +6,8 @@ import re
 
 from ...model.kinematics.orientation import from_zyz
 from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
-from .position_names import LineProgram, SharedNames
+from .position_names import SharedNames
+from .script import LineProgram
 
 _I = re.IGNORECASE
 _SECTION = re.compile(r"\.([A-Z][A-Z0-9_]*)(?:[ \t].*|[ \t]*)", _I)

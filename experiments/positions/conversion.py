@@ -13,8 +13,16 @@ from scipy.spatial.transform import Rotation
 from ...model.arrays import Matrix
 from ...model.kinematics.inverse import reach
 from ...model.records import internal, it, key, record
-from .arm_change import ArmChange, MovedPosition, NotConvertible, PositionFrames
-from .position import AT_RUN_TIME, BackupReading, DoubtfulLine, PositionLanguage, TaughtPosition, What
+from .arm_change import ArmChange, MovedPosition, PositionFrames
+from .position import (
+    AT_RUN_TIME,
+    BackupReading,
+    DoubtfulLine,
+    NotConvertible,
+    PositionLanguage,
+    TaughtPosition,
+    What,
+)
 from .program_backup import Backup, reading_of
 
 POSITIONS_SCHEMA: Final = "zerobeam/positions/1"
@@ -378,12 +386,7 @@ def _shift(
 
 
 def _shift_at(
-    moved: MovedPosition,
-    old: PositionFrames,
-    new: PositionFrames,
-    step: Matrix,
-    axes: What,
-    arm: ArmChange,
+    moved: MovedPosition, old: PositionFrames, new: PositionFrames, step: Matrix, axes: What, arm: ArmChange
 ) -> float | None:
     robot, display = arm.robot, arm.robot.display
     by, ends = np.eye(4), []

@@ -59,9 +59,9 @@ class DrlProgram(Script):
 
     def other(self, pos: int, text: str) -> None:
         if (step := _STEP.search(text)) is not None:
-            self.reading.doubt(self.file, pos, "relative", f"{step[0]} is a step from where the arm is")
+            self.relative(pos, f"{step[0]} is a step from where the arm is")
         if "move_home" in text:
-            self.reading.doubt(self.file, pos, "elsewhere", "move_home: home is stored in the controller")
+            self.doubt(pos, "elsewhere", "move_home: home is stored in the controller")
         super().other(pos, text)
 
     def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
@@ -79,11 +79,9 @@ class DrlProgram(Script):
                 self.step(pos, by, by, (), "tool" if frame == "DR_TOOL" else "frame")
             return None
         if frame in (None, "DR_TOOL") and not self.joints:
-            return self.reading.refuse(
-                self.file, pos, "the frame of this motion is set when the program runs"
-            )
+            return self.refuse(pos, "the frame of this motion is set when the program runs")
         names = [name for at, text in goals for name in self.goal(at, text)]
-        return self.reading.moves(self.file, pos, names, self.active.at("tool", pos), frame)
+        return self.moves(pos, names, self.active.at("tool", pos), frame)
 
     def goal(self, pos: int, text: str) -> list[str]:
         if (same := re.fullmatch(r"pos[jx]\s*\(\s*\*?\s*([A-Za-z_]\w*)\s*\)", text)) is not None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, Active, BackupReading, SourceFile, What, pose_of
+from .position import NUMBER, BackupReading, What, pose_of
+from .position_names import PositionNames
+from .script import LineProgram
 
 _M = re.MULTILINE
 _POINT = re.compile(r"^[ \t]*P\[[ \t]*(?P<number>\d+)[^\]\n]*\][ \t]*\{(?P<block>[^{}]*)\}[ \t]*;", _M)
@@ -28,129 +30,121 @@ def read_fanuc(reading: BackupReading) -> None:
     """Frames, registers and listings of a backup."""
     for file in reading.files:
         if _VARIABLE.search(file.text):
-            _variables(file, reading)
+            FanucFile(file, PositionNames(reading, _GOAL)).variables()
         elif re.search(r"^/(?:PROG|POS)\b", file.text, _M):
-            _listing(file, reading)
+            FanucFile(file, PositionNames(reading, _GOAL)).listing()
 
 
-def _variables(file: SourceFile, reading: BackupReading) -> None:
-    """$MNUFRAME, $MNUTOOL and $POSREG of group 1, $SCR_GRP[1].$ROBOT_ID."""
-    if (model := re.search(r"\$SCR_GRP\[1\]\.\$ROBOT_ID[^=\n]*=\s*'([^'\n]*)'", file.text)) is not None:
-        reading.model = (file, file.line(model.start()), model[1].strip())
-    parts = list(_VARIABLE.finditer(file.text))
-    for part, end in zip(parts, [*(each.start() for each in parts[1:]), len(file.text)], strict=False):
-        heads = list(_ENTRY.finditer(file.text, part.end(), end))
-        for head, stop in zip(heads, [*(each.start() for each in heads[1:]), end], strict=False):
-            taught = head[1] == "1" and "Uninitialized" not in file.text[head.start() : stop]
-            if taught and part[1] == "$POSREG":
-                _position(file, f"PR[{head[2]}]", f"PR[{head[2]}]", head.start(1), head.end(), stop, reading)
-            elif taught and part[1] in ("$MNUFRAME", "$MNUTOOL"):
-                values = {key: text for key, text, _ in _VALUE.findall(file.text[head.end() : stop])}
-                known = set("XYZWPR") <= set(values) and "*" not in "".join(values.values())
-                pose = pose_of(from_rpy, [float(values[key]) for key in "XYZWPR"]) if known else None
-                what: What = "tool" if part[1] == "$MNUTOOL" else "frame"
-                reading.frame(file, head.start(), what, head[2], pose)
+class FanucFile(LineProgram):
+    """A listing, or a file of variables."""
 
+    def variables(self) -> None:
+        """$MNUFRAME, $MNUTOOL and $POSREG of group 1, $SCR_GRP[1].$ROBOT_ID."""
+        text = self.file.text
+        if (model := re.search(r"\$SCR_GRP\[1\]\.\$ROBOT_ID[^=\n]*=\s*'([^'\n]*)'", text)) is not None:
+            self.reading.model = (self.file, self.file.line(model.start()), model[1].strip())
+        parts = list(_VARIABLE.finditer(text))
+        for part, end in zip(parts, [*(each.start() for each in parts[1:]), len(text)], strict=False):
+            heads = list(_ENTRY.finditer(text, part.end(), end))
+            for head, stop in zip(heads, [*(each.start() for each in heads[1:]), end], strict=False):
+                taught = head[1] == "1" and "Uninitialized" not in text[head.start() : stop]
+                if taught and part[1] == "$POSREG":
+                    self._position(f"PR[{head[2]}]", f"PR[{head[2]}]", head.start(1), head.end(), stop)
+                elif taught and part[1] in ("$MNUFRAME", "$MNUTOOL"):
+                    values = {key: value for key, value, _ in _VALUE.findall(text[head.end() : stop])}
+                    known = set("XYZWPR") <= set(values) and "*" not in "".join(values.values())
+                    pose = pose_of(from_rpy, [float(values[key]) for key in "XYZWPR"]) if known else None
+                    what: What = "tool" if part[1] == "$MNUTOOL" else "frame"
+                    self.reading.frame(self.file, head.start(), what, head[2], pose)
 
-def _listing(file: SourceFile, reading: BackupReading) -> None:
-    parts = {match[1]: match for match in re.finditer(r"^/(MN|POS|END)\b", file.text, _M)}
-    if list(parts) != ["MN", "POS", "END"]:
-        return reading.unread(file, 0, "this is no whole listing: /MN, /POS and /END are its parts")
-    at, end = parts["POS"].end(), parts["END"].start()
-    for point in [*_POINT.finditer(file.text, at, end), None]:
-        gap = file.text[at : end if point is None else point.start()]
-        if gap.strip():
-            reading.unread(file, at + len(gap) - len(gap.lstrip()), "this position is not understood")
-        if point is not None:
-            label, at = f"P[{int(point['number'])}]", point.end()
-            groups = [*_GROUP.finditer(file.text, *point.span("block"))]
-            stops = [*(group.start() for group in groups[1:]), point.end("block")]
-            if [group[1] for group in groups[:1]] != ["1"]:
-                reading.unread(file, point.start("number"), f"{label} has no group 1", label)
+    def listing(self) -> None:
+        """Positions and statements of a program."""
+        text = self.file.text
+        parts = {match[1]: match for match in re.finditer(r"^/(MN|POS|END)\b", text, _M)}
+        if list(parts) != ["MN", "POS", "END"]:
+            return self.unread(0, "this is no whole listing: /MN, /POS and /END are its parts")
+        at, end = parts["POS"].end(), parts["END"].start()
+        for point in [*_POINT.finditer(text, at, end), None]:
+            gap = text[at : end if point is None else point.start()]
+            if gap.strip():
+                self.unread(at + len(gap) - len(gap.lstrip()), "this position is not understood")
+            if point is not None:
+                self._point(point)
+                at = point.end()
+        return self._program(parts["MN"].end(), parts["POS"].start())
+
+    def _point(self, point: re.Match[str]) -> None:
+        """A position of all groups: of others than the first, one axis each, which stays."""
+        label = f"P[{int(point['number'])}]"
+        groups = [*_GROUP.finditer(self.file.text, *point.span("block"))]
+        stops = [*(group.start() for group in groups[1:]), point.end("block")]
+        pos = point.start("number")
+        if [group[1] for group in groups[:1]] != ["1"]:
+            return self.unread(pos, f"{label} has no group 1", label)
+        self._position(f"{self.file.name}:{label}", label, pos, groups[0].end(), stops[0])
+        for group, stop in zip(groups[1:], stops[1:], strict=True):
+            sentence = f"{label} has group {group[1]}, which must not carry the arm or the work: it stays"
+            if len(_VALUE.findall(self.file.text[group.end() : stop])) == 1:
+                self.doubt(group.start(), "group", sentence)
+            else:
+                self.refuse(group.start(), f"{label} has group {group[1]} of several axes")
+        return None
+
+    def _position(self, name: str, label: str, pos: int, start: int, stop: int) -> None:
+        text, register = self.file.text, label[:2] == "PR"
+        fields = list(_VALUE.finditer(text, start, stop))
+        spans = {match[1]: match.span(2) for match in fields if match[1][0] != "E"}
+        taught = bool(fields) and not any("*" in match[2] for match in fields)
+        # A register that holds no joints is of no interest to who looks for joints.
+        unread = None if register and not any(match[1][0] == "J" for match in fields) else label
+        if not taught or len({match[1] for match in fields}) < len(fields):
+            return self.unread(pos, f"{label} is not taught, or states a value twice", unread)
+        external = [float(match[2]) for match in fields if match[1][0] == "E"]
+        units, places = {match[3] for match in fields if match[1] in spans}, [*spans.values()]
+        if list(spans) == [f"J{i}" for i in range(1, len(spans) + 1)] and units == {"deg"}:
+            axes = range(len(spans))
+            return self.add(pos, name, label, places, axes=axes, external=external, register=register)
+        configured, frames = _CONFIGURED.search(text, start, stop), _FRAMES.search(text, start, stop)
+        if list(spans) != list("XYZWPR") or configured is None:
+            return self.unread(pos, f"{label} is not understood", unread)
+        used = {"external": external, "register": register}
+        for what, number in zip(("frame", "tool"), frames.groups() if frames else (), strict=False):
+            used |= {what: None if number == "F" else str(int(number))}
+        return self.add(pos, name, label, places, (configured.span(1), configured.span(2)), **used)
+
+    def _program(self, start: int, end: int) -> None:
+        statements = list(_STATEMENT.finditer(self.file.text, start, end))
+        for statement in statements:
+            self.active.jumps |= _JUMP.match(statement["body"]) is not None
+            if (put := re.match(r"\s*(UFRAME_NUM|UTOOL_NUM)\s*=\s*(\d+)?", statement["body"])) is not None:
+                self.active.set("frame" if put[1] == "UFRAME_NUM" else "tool", statement.start(), put[2])
+        for statement in statements:
+            body, pos = statement["body"], statement.start("body")
+            if re.match(r"\s*(?:!|//|--)", body):
                 continue
-            name = f"{file.name}:{label}"
-            _position(file, name, label, point.start("number"), groups[0].end(), stops[0], reading)
-            for group, stop in zip(groups[1:], stops[1:], strict=True):
-                sentence = f"{label} has group {group[1]}, which must not carry the arm or the work: it stays"
-                if len(_VALUE.findall(file.text[group.end() : stop])) == 1:
-                    reading.doubt(file, group.start(), "group", sentence)
-                else:
-                    reading.refuse(file, group.start(), f"{label} has group {group[1]} of several axes")
-    return _program(file, parts["MN"].end(), parts["POS"].start(), reading)
+            if (run_time := _RUN_TIME.search(body)) is not None:
+                self.refuse(pos, f"{run_time[0]}: tools, frames or work are moved when the program runs")
+            if re.match(r"\s*[JLCAS]\s+P(?:R?)\[", body):
+                self._motion(pos, body)
+            elif (assigned := _ASSIGNED.match(body)) is not None:
+                label = f"P{assigned[1]}[{assigned[2] or '…'}]"
+                name = label if assigned[1] else f"{self.file.name}:{label}"
+                self.reading.overwrites(self.file, pos, name, label)
 
-
-def _position(
-    file: SourceFile, name: str, label: str, pos: int, start: int, stop: int, reading: BackupReading
-) -> None:
-    fields, register = list(_VALUE.finditer(file.text, start, stop)), label[:2] == "PR"
-    spans = {match[1]: match.span(2) for match in fields if match[1][0] != "E"}
-    taught = bool(fields) and not any("*" in match[2] for match in fields)
-    # A register that holds no joints is of no interest to who looks for joints.
-    unread = None if register and not any(match[1][0] == "J" for match in fields) else label
-    if not taught or len({match[1] for match in fields}) < len(fields):
-        return reading.unread(file, pos, f"{label} is not taught, or states a value twice", unread)
-    external = [float(match[2]) for match in fields if match[1][0] == "E"]
-    units = {match[3] for match in fields if match[1] in spans}
-    if list(spans) == [f"J{i}" for i in range(1, len(spans) + 1)] and units == {"deg"}:
-        axes = range(len(spans))
-        return reading.add(
-            file, pos, name, label, [*spans.values()], axes=axes, external=external, register=register
-        )
-    configured, frames = _CONFIGURED.search(file.text, start, stop), _FRAMES.search(file.text, start, stop)
-    if list(spans) != list("XYZWPR") or configured is None:
-        return reading.unread(file, pos, f"{label} is not understood", unread)
-    numbers = (
-        [None if each == "F" else str(int(each)) for each in frames.groups()] if frames else [None, None]
-    )
-    configuration = configured.span(1), configured.span(2)
-    return reading.add(
-        file,
-        pos,
-        name,
-        label,
-        [*spans.values()],
-        configuration,
-        external=external,
-        register=register,
-        frame=numbers[0],
-        tool=numbers[1],
-    )
-
-
-def _program(file: SourceFile, start: int, end: int, reading: BackupReading) -> None:
-    statements, active = list(_STATEMENT.finditer(file.text, start, end)), Active()
-    for statement in statements:
-        active.jumps |= _JUMP.match(statement["body"]) is not None
-        if (put := re.match(r"\s*(UFRAME_NUM|UTOOL_NUM)\s*=\s*(\d+)?", statement["body"])) is not None:
-            active.set("frame" if put[1] == "UFRAME_NUM" else "tool", statement.start(), put[2])
-    for statement in statements:
-        body, pos = statement["body"], statement.start("body")
-        if re.match(r"\s*(?:!|//|--)", body):
-            continue
-        if (run_time := _RUN_TIME.search(body)) is not None:
-            reading.refuse(file, pos, f"{run_time[0]}: tools, frames or work are moved when the program runs")
-        if re.match(r"\s*[JLCAS]\s+P(?:R?)\[", body):
-            _motion(file, pos, body, reading, active)
-        elif (assigned := _ASSIGNED.match(body)) is not None:
-            label = f"P{assigned[1]}[{assigned[2] or '…'}]"
-            reading.overwrites(file, pos, label if assigned[1] else f"{file.name}:{label}", label)
-
-
-def _motion(file: SourceFile, pos: int, body: str, reading: BackupReading, active: Active) -> None:
-    goals: list[str] = []
-    for goal in _GOAL.finditer(_OFFSET.sub("", body)):
-        label = f"P{goal[1]}[{int(goal[2])}]" if goal[2] else goal[0]
-        if not goal[2]:
-            reading.computed(file, pos, label)
-        elif re.search(r"\bINC\b", body):
-            reading.refuse(file, pos, f"INC: {label} is a step, not a place")
-        else:
-            goals.append(label if goal[1] else f"{file.name}:{label}")
-    for offset in _OFFSET.finditer(body):
-        reading.added |= {f"PR[{offset[1]}]"}
-        axes: What = "tool" if offset[0].lower().startswith("tool") else "frame"
-        sentence = " ".join(offset[0].split())
-        reading.doubt(file, pos, "relative", sentence, goals[-1] if goals else None, None, axes)
-    if re.search(r"\bVOFFSET\b|\bVR\[", body):
-        reading.computed(file, pos, "an offset by a camera")
-    reading.moves(file, pos, goals, active.at("tool", pos), active.at("frame", pos))
+    def _motion(self, pos: int, body: str) -> None:
+        goals: list[str] = []
+        for goal in _GOAL.finditer(_OFFSET.sub("", body)):
+            label = f"P{goal[1]}[{int(goal[2])}]" if goal[2] else goal[0]
+            if not goal[2]:
+                self.reading.computed(self.file, pos, label)
+            elif re.search(r"\bINC\b", body):
+                self.refuse(pos, f"INC: {label} is a step, not a place")
+            else:
+                goals.append(label if goal[1] else f"{self.file.name}:{label}")
+        for offset in _OFFSET.finditer(body):
+            self.reading.added |= {f"PR[{offset[1]}]"}
+            axes: What = "tool" if offset[0].lower().startswith("tool") else "frame"
+            self.relative(pos, " ".join(offset[0].split()), goals[-1:], None, axes)
+        if re.search(r"\bVOFFSET\b|\bVR\[", body):
+            self.reading.computed(self.file, pos, "an offset by a camera")
+        self.moves(pos, goals, self.active.at("tool", pos), self.active.at("frame", pos))

@@ -6,7 +6,9 @@ import re
 from pathlib import PurePosixPath
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, Active, BackupReading, SourceFile, What, pose_of, split_arguments
+from .position import NUMBER, BackupReading, SourceFile, What, pose_of, split_arguments
+from .position_names import PositionNames
+from .script import LineProgram
 
 _I = re.IGNORECASE
 _FIELD = re.compile(rf"(?<![\w.$])([XYZABCST]|[AE][1-6])\s+({NUMBER})(?=\s*[,}}])", _I)
@@ -29,6 +31,7 @@ _ADDED = re.compile(rf"(\w+)\.([XYZ])\s*([-+])\s*({NUMBER})", _I)
 _NAME = re.compile(r"[A-Z_]\w*(?:\[\s*\d+\s*\])?", _I)
 _BEGIN = re.compile(r"^[ \t]*DEFDAT\b", _I | re.MULTILINE)
 _END_OF_LIST = re.compile(r"^[ \t]*ENDDAT\b", _I | re.MULTILINE)
+_ROUTINE = re.compile(r"\s*(?:GLOBAL\s+)?DEF(?:FCT)?\b", _I)
 _POSE, _AXES = "XYZABC", [f"A{i}" for i in range(1, 7)]
 
 
@@ -49,25 +52,26 @@ def read_krl(reading: BackupReading) -> None:
             reading.unread(file, 0, "the data list is incomplete: its last line, ENDDAT, is missing")
         for remote in _REMOTE.finditer(file.bare):
             reading.refuse(file, remote.start(), "#TCP: the arm holds the work (remote TCP)")
-    names = {one.name for one in reading.positions}
+    names = KrlNames(reading, _NAME, {one.name: [one.name] for one in reading.positions})
     for file in files:
         lines = list(re.finditer(r"[^\n]+", file.bare)) if file.suffix != ".dat" else []
-        starts = [
-            i for i, line in enumerate(lines) if re.match(r"\s*(?:GLOBAL\s+)?DEF(?:FCT)?\b", line[0], _I)
-        ]
+        starts = [i for i, line in enumerate(lines) if _ROUTINE.match(line[0])]
         for begin, end in zip(starts, [*starts[1:], len(lines)], strict=False):
-            _routine(file, lines[begin:end], reading, frames, names)
+            KrlRoutine(file, names).run(lines[begin:end], frames)
 
 
 def _scope(file: SourceFile) -> str:
     return "" if file.stem == "$config" else str(PurePosixPath(file.name).with_suffix(""))
 
 
-def _key(name: str, file: SourceFile, names: set[str]) -> str:
-    """Of its own data list, else of another."""
-    name = re.sub(r"\s", "", name).lower()
-    local = f"{_scope(file)}:{name}".lower()
-    return next((key for key in (local, *sorted(names)) if key in names and key.endswith(f":{name}")), local)
+class KrlNames(PositionNames):
+    """Names of a program's own data list, else of another."""
+
+    def of(self, file: SourceFile, name: str) -> list[str]:
+        plain = self.plain(name)
+        local = f"{_scope(file)}:{plain}".lower()
+        every = [key for key in (local, *sorted(self.keys)) if key in self.keys and key.endswith(f":{plain}")]
+        return every[:1] or [local]
 
 
 def _literal(file: SourceFile, literal: re.Match[str], reading: BackupReading) -> None:
@@ -109,58 +113,57 @@ def _literal(file: SourceFile, literal: re.Match[str], reading: BackupReading) -
     )
 
 
-def _routine(
-    file: SourceFile,
-    lines: list[re.Match[str]],
-    reading: BackupReading,
-    frames: dict[str, tuple[str, str]],
-    names: set[str],
-) -> None:
-    active = Active()
-    for line in lines:
-        active.jumps |= _JUMP.match(line[0]) is not None
-        for word in re.findall(r"\w+", line[0].lower()):
-            if pair := frames.get(f"{_scope(file)}:{word}".lower(), frames.get(f":{word}")):
-                active.set("tool", line.start(), pair[0])
-                active.set("frame", line.start(), pair[1])
-        if (put := _SET.fullmatch(line[0])) is not None:
-            data = re.fullmatch(r"(?:(?:TOOL|BASE)_DATA\[\s*)?(\d+)(?:\s*\])?", put[3], _I)
-            name = "0" if put[3].upper() == "$NULLFRAME" else data[1] if data else None
-            name = f"{file.name}:{file.line(line.start())}" if put[3].startswith("{") else name
-            active.set("tool" if (put[1] or put[2]).upper() == "TOOL" else "frame", line.start(), name)
-    for line in lines:
-        assigned, pos = _ASSIGNED.fullmatch(line[0]), line.start() + len(line[0]) - len(line[0].lstrip())
-        if (move := _MOVE.fullmatch(line[0])) is not None:
-            _motion(file, pos, move, reading, active, names)
-        elif assigned is not None and not assigned[3].startswith("{"):
-            sources = [_key(word, file, names) for word in _NAME.findall(assigned[3])]
-            added = _ADDED.fullmatch(assigned[3])
-            if _key(assigned[1], file, names) in names or (not assigned[2] and set(sources) & names):
-                reading.overwrites(file, pos, _key(assigned[1], file, names), assigned[1])
-            elif added is not None:
-                offset = tuple(float(added[3] + added[4]) * (axis == added[2].upper()) for axis in "XYZ")
-                reading.doubt(file, pos, "relative", f"{added[1]}: {assigned[3]}", None, offset, "frame")
+class KrlRoutine(LineProgram):
+    """A routine of a program."""
 
+    def run(self, lines: list[re.Match[str]], frames: dict[str, tuple[str, str]]) -> None:
+        """What sets tools and bases, then its statements; `frames` are the tool and base of FDAT."""
+        for line in lines:
+            self.active.jumps |= _JUMP.match(line[0]) is not None
+            for word in re.findall(r"\w+", line[0].lower()):
+                if pair := frames.get(f"{_scope(self.file)}:{word}".lower(), frames.get(f":{word}")):
+                    self.active.set("tool", line.start(), pair[0])
+                    self.active.set("frame", line.start(), pair[1])
+            if (put := _SET.fullmatch(line[0])) is not None:
+                data = re.fullmatch(r"(?:(?:TOOL|BASE)_DATA\[\s*)?(\d+)(?:\s*\])?", put[3], _I)
+                name = "0" if put[3].upper() == "$NULLFRAME" else data[1] if data else None
+                name = f"{self.file.name}:{self.file.line(line.start())}" if put[3].startswith("{") else name
+                what: What = "tool" if (put[1] or put[2]).upper() == "TOOL" else "frame"
+                self.active.set(what, line.start(), name)
+        for line in lines:
+            assigned, pos = _ASSIGNED.fullmatch(line[0]), line.start() + len(line[0]) - len(line[0].lstrip())
+            if (move := _MOVE.fullmatch(line[0])) is not None:
+                self._motion(pos, move)
+            elif assigned is not None and not assigned[3].startswith("{"):
+                self._assigned(pos, assigned)
 
-def _motion(
-    file: SourceFile, pos: int, move: re.Match[str], reading: BackupReading, active: Active, names: set[str]
-) -> None:
-    values = {key.upper(): float(value) for key, value in _FIELD.findall(move["goals"])}
-    if move[1].upper() == "ASYPTP":
-        return reading.refuse(file, pos, "ASYPTP moves external axes")
-    if move[2]:
-        offset = tuple(values.get(axis, 0.0) for axis in "XYZ") if set(values) <= set("XYZ") else None
-        axes: What = "tool" if re.search(r"#TOOL\b", move["goals"], _I) else "frame"
-        return reading.doubt(file, pos, "relative", f"{move[1]}_REL", None, offset, axes)
-    goals: list[str] = []
-    for at, goal in split_arguments(_END.sub("", move["goals"])):
-        word = goal.strip()
-        if word.startswith("{"):
-            start = file.bare.index("{", pos + move.start("goals") - move.start(1) + at)
-            if any(one.name == f"{_scope(file)}:{start + 1}".lower() for one in reading.positions):
-                goals.append(f"{_scope(file)}:{start + 1}".lower())
-        elif _NAME.fullmatch(word):
-            goals.append(_key(word, file, names))
-        elif not re.fullmatch(r"CA\s.*|\$(?:AXIS|POS)_ACT", word, _I):
-            reading.computed(file, pos, word)
-    return reading.moves(file, pos, goals, active.at("tool", pos), active.at("frame", pos))
+    def _assigned(self, pos: int, assigned: re.Match[str]) -> None:
+        names, stored = self.names, self.names.keys
+        (key,) = names.of(self.file, assigned[1])
+        sources = {name for word in _NAME.findall(assigned[3]) for name in names.of(self.file, word)}
+        if key in stored or (not assigned[2] and sources & set(stored)):
+            self.reading.overwrites(self.file, pos, key, assigned[1])
+        elif (added := _ADDED.fullmatch(assigned[3])) is not None:
+            offset = [float(added[3] + added[4]) * (axis == added[2].upper()) for axis in "XYZ"]
+            self.relative(pos, f"{added[1]}: {assigned[3]}", (), offset, "frame")
+
+    def _motion(self, pos: int, move: re.Match[str]) -> None:
+        values = {key.upper(): float(value) for key, value in _FIELD.findall(move["goals"])}
+        if move[1].upper() == "ASYPTP":
+            return self.refuse(pos, "ASYPTP moves external axes")
+        if move[2]:
+            offset = [values.get(axis, 0.0) for axis in "XYZ"] if set(values) <= set("XYZ") else None
+            axes: What = "tool" if re.search(r"#TOOL\b", move["goals"], _I) else "frame"
+            return self.relative(pos, f"{move[1]}_REL", (), offset, axes)
+        goals: list[str] = []
+        for at, goal in split_arguments(_END.sub("", move["goals"])):
+            word = goal.strip()
+            if word.startswith("{"):
+                start = self.file.bare.index("{", pos + move.start("goals") - move.start(1) + at)
+                key = f"{_scope(self.file)}:{start + 1}".lower()
+                goals += [key] if any(one.name == key for one in self.reading.positions) else []
+            elif _NAME.fullmatch(word):
+                goals += self.names.of(self.file, word)
+            elif not re.fullmatch(r"CA\s.*|\$(?:AXIS|POS)_ACT", word, _I):
+                self.reading.computed(self.file, pos, word)
+        return self.moves(pos, goals, self.active.at("tool", pos), self.active.at("frame", pos))

@@ -6,7 +6,8 @@ import re
 
 from ...model.kinematics.orientation import from_rpy
 from .position import NUMBER, BackupReading, numbers_in, pose_of, split_arguments
-from .position_names import LineProgram, PositionNames
+from .position_names import PositionNames
+from .script import LineProgram
 
 _I = re.IGNORECASE
 _VALUES = rf"\([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*[ \t]*\)"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
-from .position_names import PositionNames
+from .position import NUMBER, BackupReading, What, numbers_in, pose_of, split_arguments
+from .position_names import SharedNames
 from .script import Arguments, Script
 
 _I = re.IGNORECASE
@@ -34,15 +34,12 @@ def read_pacscript(reading: BackupReading) -> None:
         program.run()
 
 
-class PacNames(PositionNames):
+class PacNames(SharedNames):
     """P10 and P[10] are one, in all programs."""
 
     def plain(self, name: str) -> str:
         name = re.sub(r"([pj])0*(\d+)", r"\1[\2]", re.sub(r"\s", "", name).lower())
         return name if re.match(r"[pj]\[", name) else f"{self.scope}:{name}"
-
-    def of(self, file: SourceFile, name: str) -> list[str]:
-        return self.keys.get(self.plain(name), [self.plain(name)])
 
 
 class PacProgram(Script):
@@ -86,12 +83,12 @@ class PacProgram(Script):
         if not _KINDS.match(text):
             super().other(pos, text)
 
-    def add(
+    def add_literal(
         self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
     ) -> None:
         spans = numbers_in(literal["numbers"], pos + literal.start("numbers"))
         if (literal["kind"] or "").upper() == "T" or (not joints and len(spans) > 7):
-            return self.reading.refuse(self.file, pos, f"{label}: this position is not understood")
+            return self.refuse(pos, f"{label}: this position is not understood")
         spans, figure = (spans, []) if joints else (spans[:6], spans[6:])
         return self.reading.six(self.file, pos, key, label, spans, figure, joints=joints, register=register)
 
@@ -122,11 +119,11 @@ class PacProgram(Script):
             by, axes = (by.lstrip("Vv"), "frame") if kind == "draw" else (f"(0, 0, -{by})", "tool")
             self.step(pos, f"{move['kind']} {text}", by, names, axes)
         elif kind == "rotate" or not (names or kind == "move"):
-            self.reading.doubt(self.file, pos, "relative", f"{move['kind']} is a step from where the arm is")
+            self.relative(pos, f"{move['kind']} is a step from where the arm is")
         elif not names:
             self.reading.computed(self.file, pos, f"Move {text}")
         tool, frame = self.active.at("tool", pos), self.active.at("frame", pos)
-        return self.reading.moves(self.file, pos, names, tool, frame)
+        return self.moves(pos, names, tool, frame)
 
     def goal(self, pos: int, text: str) -> list[str]:
         if (dev := _DEV.fullmatch(text)) is not None:

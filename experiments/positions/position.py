@@ -14,6 +14,16 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from ...model.kinematics.orientation import (
+    Orientation,
+    from_abc,
+    from_quaternion,
+    from_rotation_vector,
+    from_rpy,
+    from_xyz,
+    from_zyz,
+    orientation,
+)
 from ...model.kinematics.robot import PendantUnit
 
 if TYPE_CHECKING:
@@ -371,13 +381,28 @@ class JointLanguage:
     unit: PendantUnit = "deg"
 
 
+class NotConvertible(Exception):
+    """A position that cannot be converted; the sentence says why."""
+
+
+def _states_none(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
+    return not texts
+
+
+def _shared(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
+    raise NotConvertible(
+        f"once converted it has another configuration than {', '.join(texts)}, which is stated for others too"
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class PositionLanguage(JointLanguage):
     """How positions of a language are written, besides.
 
-    `pose` makes a transform of numbers and `pose_numbers` the reverse, which are written with
-    `pose_decimals`; joints with `joint_decimals`. `matches` says whether
-    joints, degrees, with their branch have a stated configuration, `configuration` are its texts for joints.
+    `pose` makes a transform of numbers, which are written with `pose_decimals`; joints with `joint_decimals`.
+    `matches` says whether joints, degrees, with their branch have a stated configuration (by default one that
+    states none), `configuration` are its texts for joints (by default it must stay: it is stated for others
+    too).
     `up` and `by_joint2` are as of `Branches`. `null` are names of the tool and frame that are none; `form`
     shows what a pose is in options. `padded`: a number stands in the room of the old one, blanks before it
     included. `unpublished`: which joints its words for a configuration stand for is not. `mark` tells that a
@@ -386,10 +411,9 @@ class PositionLanguage(JointLanguage):
     """
 
     pose: Callable[[Sequence[float]], Matrix]
-    pose_numbers: Callable[[Matrix], Sequence[float]]
     form: str
-    matches: Callable[[Sequence[str], Branch, Matrix], bool]
-    configuration: Callable[[Sequence[str], Branch, Matrix], Sequence[str]]
+    matches: Callable[[Sequence[str], Branch, Matrix], bool] = _states_none
+    configuration: Callable[[Sequence[str], Branch, Matrix], Sequence[str]] = _shared
     pose_decimals: tuple[int, ...] = (6,) * 6
     joint_decimals: int = 6
     null: frozenset[str] = frozenset({"0"})
@@ -400,6 +424,22 @@ class PositionLanguage(JointLanguage):
     case_sensitive: bool = False
     mark: str = "(?!)"
     beside: str = "(?!)"
+
+    def pose_numbers(self, pose: Matrix) -> Sequence[float]:
+        """The reverse of `pose`."""
+        turn = orientation(pose[:3, :3])
+        if self.pose is from_rotation_vector:  # m and rad
+            return [*(pose[:3, 3] / 1000).tolist(), *turn.rotation_vector]
+        return [*pose[:3, 3].tolist(), *_ANGLES[self.pose](turn)]
+
+
+_ANGLES: dict[Callable[[Sequence[float]], Matrix], Callable[[Orientation], Sequence[float]]] = {
+    from_quaternion: lambda turn: turn.quaternion,
+    from_abc: lambda turn: turn.abc,
+    from_rpy: lambda turn: turn.roll_pitch_yaw,
+    from_xyz: lambda turn: turn.xyz,
+    from_zyz: lambda turn: turn.zyz,
+}
 
 
 def pose_of(form: Callable[[Sequence[float]], Matrix], numbers: Sequence[float]) -> Matrix | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,16 +19,13 @@ from ...model.kinematics.branches import (
     kuka_turn,
 )
 from ...model.kinematics.orientation import (
-    Orientation,
     from_abc,
     from_quaternion,
     from_rotation_vector,
     from_rpy,
     from_xyz,
     from_zyz,
-    orientation,
 )
-from .arm_change import NotConvertible
 from .as_reader import read_as
 from .drl_reader import read_drl
 from .fanuc_reader import read_fanuc
@@ -41,11 +38,6 @@ from .rapid_reader import read_rapid
 from .spel_reader import read_spel
 from .urscript_reader import read_urscript
 from .val3_reader import read_val3
-
-
-def _numbers(angles: Callable[[Orientation], Sequence[float]]) -> Callable[[Matrix], Sequence[float]]:
-    """Of a pose: its place, mm, and these numbers of its orientation."""
-    return lambda pose: [*pose[:3, 3].tolist(), *angles(orientation(pose[:3, :3]))]
 
 
 def _is_abb(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
@@ -90,12 +82,6 @@ def _is_yaskawa(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
     )
 
 
-def _shared(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
-    raise NotConvertible(
-        f"once converted it has another configuration than {', '.join(texts)}, which is stated for others too"
-    )
-
-
 RAPID = PositionLanguage(
     "RAPID",
     "abb",
@@ -103,7 +89,6 @@ RAPID = PositionLanguage(
     read_rapid,
     remark=r"![^\n]*",
     pose=from_quaternion,
-    pose_numbers=_numbers(lambda turn: turn.quaternion),
     form="X,Y,Z,Q1,Q2,Q3,Q4",
     pose_decimals=(5, 5, 5, 9, 9, 9, 9),
     matches=_is_abb,
@@ -118,7 +103,6 @@ KRL = PositionLanguage(
     read_krl,
     remark=r";[^\n]*",
     pose=from_abc,
-    pose_numbers=_numbers(lambda turn: turn.abc),
     form="X,Y,Z,A,B,C",
     matches=_is_kuka,
     configuration=_kuka,
@@ -132,7 +116,6 @@ FANUC = PositionLanguage(
     (".ls", ".va"),
     read_fanuc,
     pose=from_rpy,
-    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
     form="X,Y,Z,W,P,R",
     pose_decimals=(3,) * 6,
     joint_decimals=3,
@@ -149,11 +132,6 @@ def _within_half_a_turn(texts: Sequence[str], branch: Branch, joints: Matrix) ->
     return bool((np.abs(joints[[0, 3, 5]]) < 180 + _SLACK).all())
 
 
-def _none(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
-    """Of languages that state no configuration."""
-    return not texts
-
-
 AS = PositionLanguage(
     "AS",
     "kawasaki",
@@ -161,10 +139,7 @@ AS = PositionLanguage(
     read_as,
     remark=r";[^\n]*",
     pose=from_zyz,
-    pose_numbers=_numbers(lambda turn: turn.zyz),
     form="X,Y,Z,O,A,T",
-    matches=_none,
-    configuration=_shared,
     null=frozenset({"null"}),
     up=-1,
     by_joint2=True,
@@ -177,12 +152,10 @@ INFORM = PositionLanguage(
     read_inform,
     remark=r"'[^\n]*",
     pose=from_rpy,
-    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
     form="X,Y,Z,RX,RY,RZ",
     pose_decimals=(3, 3, 3, 4, 4, 4),
     joint_decimals=0,
     matches=_is_yaskawa,
-    configuration=_shared,
     null=frozenset({"base"}),
     unit="pulse",
     mark=r"^/JOB\b",
@@ -195,10 +168,8 @@ SPEL = PositionLanguage(
     read_spel,
     remark=r"'[^\n]*",
     pose=from_abc,
-    pose_numbers=_numbers(lambda turn: turn.abc),
     form="X,Y,Z,U,V,W",
     matches=_within_half_a_turn,
-    configuration=_shared,
     by_joint2=True,
     unpublished=True,
     mark=r"^[ \t]*Function[ \t]+\w+|^[ \t]*Point\d+[ \t]*\{|^nNumberOfPoints=",
@@ -210,12 +181,10 @@ MELFA = PositionLanguage(
     read_melfa,
     remark=r"'[^\n]*",
     pose=from_rpy,
-    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
     form="X,Y,Z,A,B,C",
     pose_decimals=(4,) * 6,
     joint_decimals=4,
     matches=_within_half_a_turn,
-    configuration=_shared,
     null=frozenset({"0", "p_ntool"}),
     by_joint2=True,
     unpublished=True,
@@ -230,11 +199,6 @@ def _is_staubli(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
     return list(texts) == [shoulder, f"e{signs[0]}", f"w{signs[1]}"]
 
 
-def _metres(pose: Matrix) -> Sequence[float]:
-    """Of a pose: its place, m, and its rotation vector, rad."""
-    return [*(pose[:3, 3] / 1000).tolist(), *orientation(pose[:3, :3]).rotation_vector]
-
-
 VAL3 = PositionLanguage(
     "VAL3",
     "staubli",
@@ -242,10 +206,8 @@ VAL3 = PositionLanguage(
     read_val3,
     remark=r"//[^\n]*",
     pose=from_xyz,
-    pose_numbers=_numbers(lambda turn: turn.xyz),
     form="X,Y,Z,RX,RY,RZ",
     matches=_is_staubli,
-    configuration=_shared,
     null=frozenset({"world[0]", "flange[0]"}),
     by_joint2=True,
     mark=r"<(?:Database|dataList)\b",
@@ -257,10 +219,7 @@ DRL = PositionLanguage(
     read_drl,
     remark=r"#[^\n]*",
     pose=from_zyz,
-    pose_numbers=_numbers(lambda turn: turn.zyz),
     form="X,Y,Z,A,B,C",
-    matches=_none,
-    configuration=_shared,
     null=frozenset({"base"}),
     by_joint2=True,
     case_sensitive=True,
@@ -273,10 +232,8 @@ PACSCRIPT = PositionLanguage(
     read_pacscript,
     remark=r"'[^\n]*|(?i:\brem\b)[^\n]*",
     pose=from_rpy,
-    pose_numbers=_numbers(lambda turn: turn.roll_pitch_yaw),
     form="X,Y,Z,RX,RY,RZ",
     matches=_within_half_a_turn,
-    configuration=_shared,
     unpublished=True,
     mark=r"^[ \t]*(?:Sub|Program|Function)[ \t]+\w|^[ \t]*Move[ \t]+\w+[ \t]*,",
 )
@@ -287,26 +244,11 @@ URSCRIPT = PositionLanguage(
     read_urscript,
     remark=r"#[^\n]*",
     pose=from_rotation_vector,
-    pose_numbers=_metres,
     form="X,Y,Z,RX,RY,RZ",
     pose_decimals=(9,) * 6,
     joint_decimals=9,
-    matches=_none,
-    configuration=_shared,
     null=frozenset({"base"}),
     unit="rad",
     mark=r"\b(?:move[jlpc]|get_inverse_kin|set_tcp)\s*\(",
 )
-LANGUAGES: tuple[PositionLanguage, ...] = (
-    RAPID,
-    KRL,
-    FANUC,
-    INFORM,
-    AS,
-    SPEL,
-    MELFA,
-    VAL3,
-    DRL,
-    PACSCRIPT,
-    URSCRIPT,
-)
+LANGUAGES = (RAPID, KRL, FANUC, INFORM, AS, SPEL, MELFA, VAL3, DRL, PACSCRIPT, URSCRIPT)

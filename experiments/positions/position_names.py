@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from .position import Active, BackupReading, SourceFile, What
+from .position import BackupReading, SourceFile
 
 
 @dataclass
@@ -62,26 +61,3 @@ class SharedNames(PositionNames):
 
     def of(self, file: SourceFile, name: str) -> list[str]:
         return self.keys.get(self.plain(name), [self.plain(name)])
-
-
-class LineProgram:
-    """A program, or a section of a file, whose lines are statements: what is set where, and its positions."""
-
-    def __init__(self, file: SourceFile, names: PositionNames) -> None:
-        self.file, self.names, self.reading = file, names, names.reading
-        self.active = Active()
-
-    def refuse(self, pos: int, sentence: str) -> None:
-        self.reading.refuse(self.file, pos, sentence)
-
-    def relative(
-        self,
-        pos: int,
-        sentence: str,
-        names: Sequence[str] = (),
-        offset: Sequence[float] | None = None,
-        axes: What | None = None,
-    ) -> None:
-        """A move by an offset from a goal, or from where the arm is."""
-        by = None if offset is None else tuple(offset)
-        self.reading.doubt(self.file, pos, "relative", sentence, names[0] if names else None, by, axes)

@@ -9,6 +9,8 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_quaternion
 from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
+from .position_names import PositionNames
+from .script import LineProgram
 
 _UNUSED = 9e9  # of an external axis
 _REST = r"(?<!PROC )(?<![\w\\.])"
@@ -35,133 +37,132 @@ _SHIFTED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", re.IGNORECASE)
 _ADDED = re.compile(r"(Offs|RelTool)\s*\(\s*(\w+(?:\s*\{[^}]*\})?)\s*,(.*)\)", re.IGNORECASE | re.DOTALL)
 _ASSIGNED = re.compile(r"(?<![\w.\\])([A-Za-z]\w*)\s*(?:\{[^{}]*\})?(?:\.\w+)*\s*:=")
 _WORD = re.compile(r"[A-Za-z]\w*")
+_SWITCH = re.compile(r"^(\s*\\\w+)+\s*(?::=.*)?")
 
 
 def read_rapid(reading: BackupReading) -> None:
     """All modules of a task: data first, then statements."""
     kinds: dict[str, str] = {}  # of what is declared, by its name in small letters
-    for file in reading.files:
-        reading.whole(file, r"^[ \t]*MODULE\b", r"\bENDMODULE\b")
-        for data in _DATA.finditer(file.bare):
-            _declared(file, data, reading, kinds)
-    for file in reading.files:
-        end, text = 0, _DATA.sub(lambda data: " " * (len(data[0]) - 1) + ";", file.bare)
+    modules = [RapidModule(file, PositionNames(reading, _WORD), kinds) for file in reading.files]
+    for module in modules:
+        reading.whole(module.file, r"^[ \t]*MODULE\b", r"\bENDMODULE\b")
+        for data in _DATA.finditer(module.file.bare):
+            module.declared(data)
+    for module in modules:
+        end, text = 0, _DATA.sub(lambda data: " " * (len(data[0]) - 1) + ";", module.file.bare)
         for match in re.finditer(";", text):
-            _statement(file, text[end : match.start()], end, reading, kinds)
+            module.statement(text[end : match.start()], end)
             end = match.end()
-
-
-def _name(file: SourceFile, word: str, kinds: dict[str, str]) -> str:
-    """A name as it is unique: LOCAL data are of their module alone, and hide those of others."""
-    local = f"{file.name}:{word.strip().lower()}"
-    return local if local in kinds else word.strip().lower()
-
-
-def _declared(file: SourceFile, data: re.Match[str], reading: BackupReading, kinds: dict[str, str]) -> None:
-    kind, name, value, pos = (
-        data["kind"].lower(),
-        data["name"].lower(),
-        data["value"] or "",
-        data.start("name"),
-    )
-    name = f"{file.name}:{name}" if data["local"] else name
-    if kinds.setdefault(name, kind) != kind or (
-        kind.endswith("target") and any(name == one.name for one in reading.positions)
-    ):
-        reading.refuse(file, pos, f"{data['name']} is declared twice: convert the backup of one task alone")
-    if kind.endswith("target"):
-        literals = list(_LITERAL.finditer(value))
-        for number, literal in enumerate(literals, start=1):
-            label = f"{data['name']}{{{number}}}" if data["sizes"] else data["name"]
-            _position(file, literal, data.start("value"), name, label, reading)
-        if re.sub(r"[\[\],\s]", "", _LITERAL.sub("", value)) or (value and not literals):
-            reading.unread(file, pos, f"the numbers of {data['name']} are not understood", data["name"])
-    elif value:
-        tool, why, pose = kind == "tooldata", f"{data['name']} is not understood", None
-        match = (_TOOL if tool else _WOBJ).match(value)
-        if match is not None and (match[1].upper() == "TRUE") != tool:
-            why = f"{data['name']} is a stationary tool, or work that the arm holds (remote TCP)"
-        elif match is not None and not tool and match[2].upper() == "FALSE":
-            why = f"{data['name']} is moved by an external unit"
-        elif match is not None:
-            outer, inner = _pose(match[2 if tool else 3]), np.eye(4) if tool else _pose(match[4])
-            pose = None if outer is None or inner is None else outer @ inner
-        reading.frame(file, pos, "tool" if tool else "frame", name, pose, why)
-
-
-def _position(
-    file: SourceFile, literal: re.Match[str], offset: int, name: str, label: str, reading: BackupReading
-) -> None:
-    pos = offset + literal.start()
-    spans = numbers_in(literal[0], pos)
-    values = [float(file.text[begin:end]) for begin, end in spans]
-    external = [value for value in values[11 if literal["pose"] else 6 :] if value != _UNUSED]
-    if not literal["pose"]:
-        reading.add(file, pos, name, label, spans[:6], axes=range(6), external=external)
-    elif any(values[3:7]):
-        reading.add(file, pos, name, label, spans[:7], spans[7:11], external=external)
-    else:
-        reading.unread(file, pos, f"{label} has no orientation", label)
 
 
 def _pose(text: str) -> Matrix | None:
     return pose_of(from_quaternion, [float(text[start:end]) for start, end in numbers_in(text)])
 
 
-def _statement(
-    file: SourceFile, text: str, start: int, reading: BackupReading, kinds: dict[str, str]
-) -> None:
-    for assigned in _ASSIGNED.finditer(text):
-        name = _name(file, assigned[1], kinds)
-        kind = kinds.get(name, "")
-        if kind.endswith("target"):
-            reading.overwrites(file, start + assigned.start(1), name, assigned[1])
-        elif kind or name in ("tool0", "wobj0"):
-            reading.refuse(file, start + assigned.start(1), f"{assigned[1]} is set when the program runs")
-    if shifted := _SHIFTED.search(text):
-        reading.refuse(file, start + shifted.start(), f"{shifted[0]} moves all targets when the program runs")
-    if (move := _MOVE.search(text)) is not None:
-        return _motion(file, text[move.start() :], start + move.start(), reading, kinds)
-    for literal in _LITERAL.finditer(text):
-        reading.refuse(file, start + literal.start(), "it is not said what this position is for")
-    for word in _WORD.finditer(_ASSIGNED.sub(lambda assigned: " " * len(assigned[0]), text)):
-        if kinds.get(_name(file, word[0], kinds), "").endswith("target"):
-            reading.doubt(file, start + word.start(), "call", f"{word[0]} is used by this statement")
-    return None
+class RapidModule(LineProgram):
+    """A module; `kinds` are those of the data of all modules."""
 
+    def __init__(self, file: SourceFile, names: PositionNames, kinds: dict[str, str]) -> None:
+        super().__init__(file, names)
+        self.kinds = kinds
 
-def _motion(file: SourceFile, text: str, start: int, reading: BackupReading, kinds: dict[str, str]) -> None:
-    word = _WORD.match(text)
-    assert word is not None
-    parts = [
-        (at, re.sub(r"^(\s*\\\w+)+\s*(?::=.*)?", "", part))
-        for at, part in split_arguments(text[word.end() :])
-    ]
-    parts = [(start + word.end() + at, part.strip()) for at, part in parts if part.strip()]
-    words = [part.split("\\")[0].strip() for _, part in parts[1:]]
-    words = [_name(file, each, kinds) for each in words if _WORD.fullmatch(each)]
-    tools = [each for each in words if kinds.get(each) == "tooldata" or each == "tool0"] or words[-1:]
-    frame = re.search(r"\\\s*WObj\s*:=\s*(\w+)", text, re.IGNORECASE)
-    count, moved = 2 if re.match(r"(?:Move|Trigg|Search|Arc)C", word[0], re.IGNORECASE) else 1, []
-    for at, part in parts[:count] if not word[0].lower().startswith("moveext") else ():
-        goal = part if "(" in part else part.split("\\")[0].strip()
-        added = _ADDED.fullmatch(goal)
-        name = re.sub(r"\s*\{.*", "", added[2] if added else goal)
+    def _name(self, word: str) -> str:
+        """A name as it is unique: LOCAL data are of their module alone, and hide those of others."""
+        local = f"{self.file.name}:{word.strip().lower()}"
+        return local if local in self.kinds else word.strip().lower()
+
+    def declared(self, data: re.Match[str]) -> None:
+        """Data of a kind: positions, a tool or a work object."""
+        kind, label, value, pos = data["kind"].lower(), data["name"], data["value"] or "", data.start("name")
+        name = f"{self.file.name}:{label.lower()}" if data["local"] else label.lower()
+        target = kind.endswith("target")
+        known = self.kinds.setdefault(name, kind)
+        if known != kind or (target and any(name == one.name for one in self.reading.positions)):
+            self.refuse(pos, f"{label} is declared twice: convert the backup of one task alone")
+        if target:
+            literals = list(_LITERAL.finditer(value))
+            for number, literal in enumerate(literals, start=1):
+                each = f"{label}{{{number}}}" if data["sizes"] else label
+                self._position(literal, data.start("value"), name, each)
+            if re.sub(r"[\[\],\s]", "", _LITERAL.sub("", value)) or (value and not literals):
+                self.unread(pos, f"the numbers of {label} are not understood", label)
+        elif value:
+            tool, why, pose = kind == "tooldata", f"{label} is not understood", None
+            match = (_TOOL if tool else _WOBJ).match(value)
+            if match is not None and (match[1].upper() == "TRUE") != tool:
+                why = f"{label} is a stationary tool, or work that the arm holds (remote TCP)"
+            elif match is not None and not tool and match[2].upper() == "FALSE":
+                why = f"{label} is moved by an external unit"
+            elif match is not None:
+                outer, inner = _pose(match[2 if tool else 3]), np.eye(4) if tool else _pose(match[4])
+                pose = None if outer is None or inner is None else outer @ inner
+            self.reading.frame(self.file, pos, "tool" if tool else "frame", name, pose, why)
+
+    def _position(self, literal: re.Match[str], offset: int, name: str, label: str) -> None:
+        pos = offset + literal.start()
+        spans = numbers_in(literal[0], pos)
+        values = [float(self.file.text[begin:end]) for begin, end in spans]
+        external = [value for value in values[11 if literal["pose"] else 6 :] if value != _UNUSED]
+        if not literal["pose"]:
+            self.add(pos, name, label, spans[:6], axes=range(6), external=external)
+        elif any(values[3:7]):
+            self.add(pos, name, label, spans[:7], spans[7:11], external=external)
+        else:
+            self.unread(pos, f"{label} has no orientation", label)
+
+    def statement(self, text: str, start: int) -> None:
+        """A statement that is no declaration."""
+        for assigned in _ASSIGNED.finditer(text):
+            name, pos = self._name(assigned[1]), start + assigned.start(1)
+            kind = self.kinds.get(name, "")
+            if kind.endswith("target"):
+                self.reading.overwrites(self.file, pos, name, assigned[1])
+            elif kind or name in ("tool0", "wobj0"):
+                self.refuse(pos, f"{assigned[1]} is set when the program runs")
+        if shifted := _SHIFTED.search(text):
+            self.refuse(start + shifted.start(), f"{shifted[0]} moves all targets when the program runs")
+        if (move := _MOVE.search(text)) is not None:
+            return self._motion(text[move.start() :], start + move.start())
+        for literal in _LITERAL.finditer(text):
+            self.refuse(start + literal.start(), "it is not said what this position is for")
+        for word in _WORD.finditer(_ASSIGNED.sub(lambda assigned: " " * len(assigned[0]), text)):
+            if self.kinds.get(self._name(word[0]), "").endswith("target"):
+                self.doubt(start + word.start(), "call", f"{word[0]} is used by this statement")
+        return None
+
+    def _motion(self, text: str, start: int) -> None:
+        word = _WORD.match(text)
+        assert word is not None
+        behind = [(at, _SWITCH.sub("", part)) for at, part in split_arguments(text[word.end() :])]
+        parts = [(start + word.end() + at, part.strip()) for at, part in behind if part.strip()]
+        words = [part.split("\\")[0].strip() for _, part in parts[1:]]
+        words = [self._name(each) for each in words if _WORD.fullmatch(each)]
+        tools = [each for each in words if self.kinds.get(each) == "tooldata" or each == "tool0"] or words[
+            -1:
+        ]
+        frame = re.search(r"\\\s*WObj\s*:=\s*(\w+)", text, re.IGNORECASE)
+        count, moved = 2 if re.match(r"(?:Move|Trigg|Search|Arc)C", word[0], re.IGNORECASE) else 1, []
+        for at, part in parts[:count] if not word[0].lower().startswith("moveext") else ():
+            goal = part if "(" in part else part.split("\\")[0].strip()
+            moved += self._goal(at, goal)
+        work = self._name(frame[1]) if frame else "wobj0"
+        return self.moves(start, moved, tools[0] if tools else None, work)
+
+    def _goal(self, at: int, goal: str) -> list[str]:
+        """Its name; Offs and RelTool are relative to it."""
         if (literal := _LITERAL.fullmatch(goal)) is not None:
-            at = file.bare.index("[", at)
-            name = f"{file.name}:{at}"
-            _position(file, literal, at, name, f"line {file.line(at)}", reading)
-        elif not _WORD.fullmatch(name) or ("(" in goal and added is None):
-            reading.computed(file, at, goal)
-            continue
-        name = name if literal else _name(file, name, kinds)
+            at = self.file.bare.index("[", at)
+            self._position(literal, at, f"{self.file.name}:{at}", f"line {self.file.line(at)}")
+            return [f"{self.file.name}:{at}"]
+        added = _ADDED.fullmatch(goal)
+        word = re.sub(r"\s*\{.*", "", added[2] if added else goal)
+        if not _WORD.fullmatch(word) or ("(" in goal and added is None):
+            self.reading.computed(self.file, at, goal)
+            return []
+        name = self._name(word)
         if added:
             numbers = [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}(?=\s*(?:,|$))", added[3])]
             plain = len(numbers) == 3 == added[3].count(",") + 1 and "\\" not in added[3]
-            offset = (*numbers,) if plain else None
             axes: What = "tool" if added[1].lower() == "reltool" else "frame"
-            reading.doubt(file, at, "relative", f"{added[1]} of {added[2]}", name, offset, axes)
-        moved.append(name)
-    return reading.moves(
-        file, start, moved, tools[0] if tools else None, _name(file, frame[1], kinds) if frame else "wobj0"
-    )
+            self.relative(at, f"{added[1]} of {added[2]}", [name], numbers if plain else None, axes)
+        return [name]

@@ -1,15 +1,19 @@
-"""Programs whose lines assign positions to names and move to them: what readers of such languages share."""
+"""Programs whose statements move to positions: what the readers of all languages share, and what those share
+whose lines assign positions to names."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from .position import (
     NUMBER,
     Active,
     BackupReading,
+    Doubt,
     SourceFile,
+    Span,
     What,
     arguments_of,
     numbers_in,
@@ -20,7 +24,52 @@ from .position_names import PositionNames
 Arguments = list[tuple[int, str]]  # each with its place
 
 
-class Script:
+class LineProgram:
+    """A program, or a section of a file, whose lines are statements: what is set where, and its positions."""
+
+    def __init__(self, file: SourceFile, names: PositionNames) -> None:
+        self.file, self.names, self.reading = file, names, names.reading
+        self.active = Active()
+
+    def add(
+        self,
+        pos: int,
+        name: str,
+        label: str,
+        spans: Sequence[Span],
+        configuration: Sequence[Span] = (),
+        **others: Any,
+    ) -> None:
+        self.reading.add(self.file, pos, name, label, spans, configuration, **others)
+
+    def unread(self, pos: int, sentence: str, label: str | None = "") -> None:
+        self.reading.unread(self.file, pos, sentence, label)
+
+    def refuse(self, pos: int, sentence: str) -> None:
+        self.reading.refuse(self.file, pos, sentence)
+
+    def doubt(self, pos: int, kind: Doubt, sentence: str) -> None:
+        self.reading.doubt(self.file, pos, kind, sentence)
+
+    def moves(
+        self, pos: int, names: Sequence[str], tool: str | None = None, frame: str | None = None
+    ) -> None:
+        self.reading.moves(self.file, pos, names, tool, frame)
+
+    def relative(
+        self,
+        pos: int,
+        sentence: str,
+        names: Sequence[str] = (),
+        offset: Sequence[float] | None = None,
+        axes: What | None = None,
+    ) -> None:
+        """A move by an offset from a goal, or from where the arm is."""
+        by = None if offset is None else tuple(offset)
+        self.reading.doubt(self.file, pos, "relative", sentence, names[0] if names else None, by, axes)
+
+
+class Script(LineProgram):
     """One program. A language has the patterns: `literal` has the group `numbers`, `begin` is how one begins
     that says what it is, `assign` has `name`, `index` and `value`, `move` ends where its arguments begin,
     `refused` are words that set tools or frames. `kinds` say whether motions take a name as joints."""
@@ -34,9 +83,7 @@ class Script:
     word = re.compile(r"(?<![\w.\"'$])[A-Za-z_]\w*(?!\w)")
 
     def __init__(self, file: SourceFile, reading: BackupReading, names: PositionNames | None = None) -> None:
-        self.file, self.reading = file, reading
-        self.names = names or PositionNames(reading, self.word)
-        self.active = Active()
+        super().__init__(file, names or PositionNames(reading, self.word))
         self.kinds: dict[str, set[bool]] = {}
         self.joints = False  # whether the motion at hand takes a literal as joints
 
@@ -79,7 +126,7 @@ class Script:
         ]
         for number, (pos, text) in enumerate(self.lines):
             if len(re.findall(r"[\[({]", text)) != len(re.findall(r"[\])}]", text)):
-                self.reading.unread(self.file, pos, "a bracket is not closed, or not opened")
+                self.unread(pos, "a bracket is not closed, or not opened")
             self.active.jumps |= (number > 0 or text[:4] != "def ") and self.jump.match(text) is not None
             for move in self.move.finditer(text):
                 for _, goal in self.goals_of(move, self.arguments(text, move)):
@@ -106,11 +153,11 @@ class Script:
         if not kinds:
             return None
         if self.names.plain(name) in self.names.keys or len(kinds) > 1:
-            return self.reading.refuse(self.file, pos, f"{name} has several values, or is joints and a pose")
+            return self.refuse(pos, f"{name} has several values, or is joints and a pose")
         (key,) = self.names.of(self.file, name)
         self.names.store(name, key)
         at = pos + assign.start("value")
-        return self.add(at, literal, key, name, joints=kinds == {True}, register=True)
+        return self.add_literal(at, literal, key, name, joints=kinds == {True}, register=True)
 
     def damaged(self, pos: int, text: str, label: str) -> None:
         """A text that begins as a literal and is none: a position that is not understood, unless it is
@@ -119,9 +166,9 @@ class Script:
         words = [] if begin is None else re.findall(r"[\w.]+(?:(?<=[eE])[-+]\d+)?", text[begin.end() :])
         numbers = [word for word in words if not re.match(r"[^\W\d]", word)]
         if numbers and (numbers == words or not all(re.fullmatch(NUMBER, word) for word in numbers)):
-            self.reading.unread(self.file, pos, f"{label}: this position is not understood", label)
+            self.unread(pos, f"{label}: this position is not understood", label)
 
-    def add(
+    def add_literal(
         self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
     ) -> None:
         """The position of a literal at `pos`."""
@@ -131,7 +178,7 @@ class Script:
     def statement(self, pos: int, text: str) -> None:
         if (refused := self.refused.search(text)) is not None:
             sentence = f"{' '.join(refused[0].split())}: tools or frames are set when the program runs"
-            self.reading.refuse(self.file, pos, sentence)
+            self.refuse(pos, sentence)
         moves = list(self.move.finditer(text))
         for move in moves:
             arguments = [(pos + at, part) for at, part in self.arguments(text, move)]
@@ -145,7 +192,7 @@ class Script:
             fixed = self.literal.fullmatch(assign["value"].strip()) is not None and not assign["index"]
             if re.search(r"[\[(].*[a-z_]", plain) and plain not in self.names.keys:
                 sentence = f"{name}: which position is overwritten is not known before it runs"
-                self.reading.refuse(self.file, pos, sentence)
+                self.refuse(pos, sentence)
             elif not fixed and (plain in self.names.keys or plain in self.kinds):
                 self.reading.overwrites(self.file, pos, self.names.of(self.file, name)[0], name)
             self.names.used(self.file, pos, assign["value"])
@@ -155,7 +202,7 @@ class Script:
         if (literal := self.literal.fullmatch(text)) is not None:
             key, joints = f"{self.file.name}:{pos}", self.is_joints(literal)
             joints = self.joints if joints is None else joints
-            self.add(pos, literal, key, f"line {self.file.line(pos)}", joints=joints)
+            self.add_literal(pos, literal, key, f"line {self.file.line(pos)}", joints=joints)
             return [one.name for one in self.reading.positions[-1:] if one.name == key]
         self.damaged(pos, text, f"line {self.file.line(pos)}")
         return self.names.goals(self.file, pos, text)
@@ -171,8 +218,7 @@ class Script:
     ) -> None:
         """A relative motion by what a text means, from a goal or from where the arm is."""
         self.reading.added |= set(self.names.keys.get(self.names.plain(by), []))
-        offset = self.offset(by, unit)
-        self.reading.doubt(self.file, pos, "relative", text[:40], names[0] if names else None, offset, axes)
+        self.relative(pos, text[:40], names, self.offset(by, unit), axes)
 
     def offset(self, text: str, unit: float = 1) -> list[float] | None:
         """mm of a literal or a name; None where it is not in numbers, or a rotation too."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, BackupReading, SourceFile, numbers_in, pose_of, split_arguments
-from .position_names import LineProgram, SharedNames
+from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
+from .position_names import SharedNames
+from .script import LineProgram
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _POINT = re.compile(r"^[ \t]*Point\d+[ \t]*\{([^{}]*)\}", _M)
@@ -133,7 +134,7 @@ class SpelFunction(LineProgram):
                 self._goal(begin, part.strip(), tool)
             return None
         if (step := _STEP.search(text)) is not None:
-            axes = "frame" if step[1][0] in "bB" else "tool"
+            axes: What = "frame" if step[1][0] in "bB" else "tool"
             return self.relative(pos, step[1], (), _step(step[2]), axes)
         if (store := _STORES.match(text)) is not None:
             name = self.names.plain(store[1])

@@ -70,21 +70,21 @@ class UrProgram(Script):
             self.reading.frame(self.file, pos, "tool", name, pose_of(from_rotation_vector, numbers[0]))
         return name
 
-    def add(
+    def add_literal(
         self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
     ) -> None:
-        super().add(pos, literal, key, label, joints=joints, register=register and not joints)
+        super().add_literal(pos, literal, key, label, joints=joints, register=register and not joints)
 
     def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
         return arguments[: 2 if move["kind"].endswith("c") else 1]
 
     def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
         names = [name for at, text in self.goals_of(move, arguments) for name in self.goal(at, text)]
-        self.reading.moves(self.file, pos, names, self.active.at("tool", pos), "base")
+        self.moves(pos, names, self.active.at("tool", pos), "base")
 
     def other(self, pos: int, text: str) -> None:
         if (speed := re.search(r"\b(?:speed[jl]|force_mode)\s*\(", text)) is not None:
-            self.reading.doubt(self.file, pos, "computed", f"{speed[0]}: where it ends is not known before")
+            self.doubt(pos, "computed", f"{speed[0]}: where it ends is not known before")
         elif not _TCP.search(text):
             super().other(pos, text)
 

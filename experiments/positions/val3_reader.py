@@ -70,7 +70,7 @@ class Val3Program(Script):
     def statement(self, pos: int, text: str) -> None:
         assign = self.assign.fullmatch(text)
         if assign is not None and self.data.get(self.names.plain(assign["name"])) in ("tool", "frame"):
-            return self.reading.refuse(self.file, pos, f"{assign['name']} is set when the program runs")
+            return self.refuse(pos, f"{assign['name']} is set when the program runs")
         if assign is not None and self.names.plain(assign["name"]) in self.names.keys:
             key = self.names.of(self.file, assign["name"])[0]
             return self.reading.overwrites(self.file, pos, key, assign["name"])
@@ -80,7 +80,7 @@ class Val3Program(Script):
         names = [name for at, text in self.goals_of(move, arguments) for name in self.goal(at, text)]
         tools = [self.names.plain(text) for _, text in arguments[-2:-1]]
         tool = next((each for each in tools if re.fullmatch(r"[\w:]+\[\d+\]", each)), "?")
-        self.reading.moves(self.file, pos, names, scoped(tool, self.application) if tool != "?" else tool)
+        self.moves(pos, names, scoped(tool, self.application) if tool != "?" else tool)
 
     def goal(self, pos: int, text: str) -> list[str]:
         if (call := re.match(r"(appro|compose)\s*\(", text)) is None:

@@ -11,8 +11,8 @@ from cells import pattern_plan, simulated
 from command_line import zerobeam
 from export_runs import TRUTH, arm_run, saved, urdf_run
 
+from zerobeam.experiments.makers.abb import rapid_text
 from zerobeam.experiments.makers.abb.moc_offsets import Gears, moc_text
-from zerobeam.experiments.makers.abb.rapid_program import rapid_text
 from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 from zerobeam.experiments.makers.generic.robot_rows import robot_text

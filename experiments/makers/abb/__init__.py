@@ -5,15 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ....model.options import Option
-from ..maker import (
-    FormatMark,
-    KnownLog,
-    Maker,
-    OffsetFile,
-    PlanProgram,
-    PointNames,
-    Reader,
-)
+from ..maker import FormatMark, KnownLog, Maker, OffsetFile, PlanProgram, PointNames, Reader, require_vendor
 from ..program_template import ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
@@ -23,6 +15,8 @@ if TYPE_CHECKING:
     from ..format_options import ProgramMotion
     from ..generic.layouts import CsvLayout
     from ..import_jobs import Imported, ImportJob, TaughtPoint
+
+_AXES = 6  # rax_1 to rax_6 of a robjoint
 
 
 def _moc(
@@ -50,9 +44,24 @@ def _moc(
 
 def _rapid_offsets(run: "Run", calibration: "RobotCalibration") -> str:
     """ABB: a RAPID module with functions that correct a jointtarget by the offsets."""
-    from .rapid_program import rapid_text
-
     return rapid_text(calibration)
+
+
+def rapid_text(calibration: "RobotCalibration") -> str:
+    """Text of the module: ASCII, degrees. RAPID's num holds some seven digits, so six decimals are written.
+
+    BadInput for a robot that is not ABB's, or that a RAPID robjoint (six axes in degrees) cannot hold.
+    """
+    from ..plan_programs import filled, require_axes
+
+    remedy = "export json or csv, and apply the offsets by hand"
+    require_vendor(calibration.corrected, "abb", "a RAPID module")
+    require_axes(calibration.corrected, _AXES, "a RAPID jointtarget", remedy)
+    numbers = [f"{offset.applied:.6f}" for offset in calibration.offsets]
+    numbers += ["0"] * (_AXES - len(numbers))
+    values = {"head": calibration.head, "numbers": numbers}
+    (text,) = filled(Path(__file__).with_name("offsets.j2"), values)
+    return text
 
 
 def _zone(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:

@@ -14,8 +14,8 @@ from ....model.errors import BadInput
 from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
-from ...positions.arm_change import ArmChange, NotConvertible, PositionFrames, kept, up_to_flange
-from ...positions.position import TaughtPosition
+from ...positions.arm_change import ArmChange, PositionFrames, kept, up_to_flange
+from ...positions.position import NotConvertible, TaughtPosition
 from ...positions.position_languages import RAPID
 from ..import_jobs import Imported, ImportJob, TaughtPoint, import_points
 from ..joint_text import PLAN_LINE, required_plan
@@ -26,11 +26,7 @@ Posed = Callable[[TaughtPosition], tuple[float, ...] | None]
 
 
 def import_rapid(
-    job: ImportJob,
-    *,
-    points: Sequence[str] | None = None,
-    tool: str | None = None,
-    frame: str | None = None,
+    job: ImportJob, *, points: Sequence[str] | None = None, tool: str | None = None, frame: str | None = None
 ) -> Imported:
     """Measurements at the jointtargets of RAPID modules; `points` are the names of those to use.
 

@@ -26,10 +26,7 @@ def _read_log(job: "ImportJob") -> "Imported":
 
 
 _NAME = ProgramName(
-    r"[A-Za-z]\w{0,31}",
-    "function",
-    "SPEL+",
-    "a letter, then letters, digits and _: at most 32 (zb_plan.prg)",
+    r"[A-Za-z]\w{0,31}", "function", "SPEL+", "a letter, then letters, digits and _: at most 32 (zb_plan.prg)"
 )
 _PROGRAM = ProgramTemplate("epson", "a SPEL+ program", "JA", name=_NAME)
 MAKER = Maker(

@@ -5,15 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ....model.options import Option
-from ..maker import (
-    FormatMark,
-    J3Counting,
-    Maker,
-    OffsetFile,
-    PlanProgram,
-    PointNames,
-    Reader,
-)
+from ..maker import FormatMark, J3Counting, Maker, OffsetFile, PlanProgram, PointNames, Reader
 from ..program_template import ProgramName, ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
@@ -83,10 +75,7 @@ def _registers(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:
 
 
 _NAME = ProgramName(
-    r"[A-Za-z]\w{0,35}",
-    "program",
-    "a FANUC",
-    "a letter, then letters, digits and _: at most 36 (zb_plan.ls)",
+    r"[A-Za-z]\w{0,35}", "program", "a FANUC", "a letter, then letters, digits and _: at most 36 (zb_plan.ls)"
 )
 _PROGRAM = ProgramTemplate(
     "fanuc",

@@ -17,11 +17,7 @@ NOT_MEASURED = 999.0  # deg, joint 1: what the program of a plan writes before i
 
 
 def import_fanuc(
-    job: ImportJob,
-    *,
-    j3: J3 | None = None,
-    points: Sequence[str] | None = None,
-    register: int = 1,
+    job: ImportJob, *, j3: J3 | None = None, points: Sequence[str] | None = None, register: int = 1
 ) -> Imported:
     """Measurements at the P[n] of FANUC .ls files (group 1), or at the PR[n] of a posreg.va; `points` are
     the numbers of some, as text.

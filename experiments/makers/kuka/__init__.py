@@ -4,14 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import (
-    FormatMark,
-    Maker,
-    OffsetFile,
-    PlanProgram,
-    PointNames,
-    Reader,
-)
+from ..maker import FormatMark, Maker, OffsetFile, PlanProgram, PointNames, Reader
 from ..program_template import ProgramName, ProgramTemplate, ToolName
 
 if TYPE_CHECKING:
@@ -46,10 +39,7 @@ _MARK = FormatMark(
     _points,
 )
 _NAME = ProgramName(
-    r"[A-Za-z]\w{0,23}",
-    "module",
-    "KRL",
-    "a letter, then letters, digits and _: at most 24 (zb_plan.src)",
+    r"[A-Za-z]\w{0,23}", "module", "KRL", "a letter, then letters, digits and _: at most 24 (zb_plan.src)"
 )
 _PROGRAM = ProgramTemplate(
     "kuka",

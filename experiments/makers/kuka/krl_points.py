@@ -16,11 +16,7 @@ _MEASURED_NAME = re.compile(r"\bZB_M(\d{1,9})\b", re.IGNORECASE)
 _DONE = re.compile(r"\bZB_D(\d{1,9})\s*=\s*TRUE\b", re.IGNORECASE)
 
 
-def import_kuka(
-    job: ImportJob,
-    *,
-    points: Sequence[str] | None = None,
-) -> Imported:
+def import_kuka(job: ImportJob, *, points: Sequence[str] | None = None) -> Imported:
     """Measurements at the axis positions of KUKA .dat files; `points` are the names of those to use (XP1, …).
 
     Of the data list of a plan's program (zerobeam export plan krl) those that it has recorded. External axes

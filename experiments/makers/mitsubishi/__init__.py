@@ -11,10 +11,7 @@ def _parts() -> LineParts:
 
 
 _NAME = ProgramName(
-    r"[A-Za-z0-9]\w{0,15}",
-    "program",
-    "the controller",
-    "letters, digits and _: at most 16 (ZB_PLAN.prg)",
+    r"[A-Za-z0-9]\w{0,15}", "program", "the controller", "letters, digits and _: at most 16 (ZB_PLAN.prg)"
 )
 _PROGRAM = ProgramTemplate("mitsubishi", "a MELFA-BASIC program", "a joint variable", name=_NAME)
 _FORMAT = LineFormat(

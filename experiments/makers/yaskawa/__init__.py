@@ -53,10 +53,7 @@ def _pulses(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:
 
 
 _NAME = ProgramName(
-    r"[A-Za-z][\w-]{0,7}",
-    "job",
-    "INFORM",
-    "a letter, then letters, digits, _ and -: at most 8 (ZB_PLAN.JBI)",
+    r"[A-Za-z][\w-]{0,7}", "job", "INFORM", "a letter, then letters, digits, _ and -: at most 8 (ZB_PLAN.JBI)"
 )
 _PROGRAM = ProgramTemplate(
     "yaskawa",

@@ -15,7 +15,7 @@ from geometry_runs import geometry_run, on
 
 from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
-from zerobeam.experiments.makers.abb.rapid_program import rapid_text
+from zerobeam.experiments.makers.abb import rapid_text
 from zerobeam.experiments.makers.calibration import Holds, RobotCalibration, calibration
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 from zerobeam.experiments.makers.generic.robot_rows import robot_text

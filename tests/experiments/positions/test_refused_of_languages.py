@@ -93,6 +93,7 @@ CASES: dict[str, dict[str, Case]] = {
         "offset": Case("Dly 0.5", "P9=(1,2,3,4,5,6)(7,0)", "no statement of the backup moves to P9"),
     },
     "VAL3": {
+        "no encoding": Case('encoding="utf-8"', 'encoding="utf-78"', "1: this is no whole file of an app"),
         "cut off": Case("</Datas>\r\n</Database>", "", "1: this is no whole file of an application"),
         "damaged": Case(
             ' rz="',

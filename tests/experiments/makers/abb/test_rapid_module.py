@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from export_runs import SLIDING, arm_run, hostile, urdf_run
 
-from zerobeam.experiments.makers.abb.rapid_program import rapid_text
+from zerobeam.experiments.makers.abb import rapid_text
 from zerobeam.experiments.makers.calibration import calibration
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
