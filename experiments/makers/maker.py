@@ -232,13 +232,14 @@ def file_of_backup(path: Path, name: str, holds: str = "") -> Path:
     return files[0]
 
 
-def numbers_of(text: str, option: str, allowed: str) -> list[float]:
-    """Finite numbers of an option that are separated by commas; BadInput that says what is `allowed`."""
+def numbers_of(text: str, option: str, allowed: str, counts: Collection[int] = ()) -> list[float]:
+    """Finite numbers of an option that are separated by commas, as many as one of `counts` if there are any;
+    BadInput that says what is `allowed`."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if not values or not all(map(math.isfinite, values)):
+    if not values or not all(map(math.isfinite, values)) or (counts and len(values) not in counts):
         raise BadInput(f"{option} is not understood", found=text, allowed=allowed)
     return values
 

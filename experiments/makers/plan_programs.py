@@ -141,14 +141,16 @@ def filled(
     values: Mapping[str, object],
     quote: Callable[[str], str] = str,
     escape: Callable[[str], str] = str,
+    line: Callable[[str], str] = one_line,
 ) -> list[str]:
     """The text of a template, or those of its blocks in their order.
 
-    Whatever is filled in is ASCII on one line, and as the language has to `escape` it; `quote` is its filter.
+    Whatever is filled in is ASCII on one line (or as `line` makes it), and as the language has to `escape`
+    it; `quote` is its filter.
     """
 
     def safe(value: object) -> str:
-        return escape(one_line(str(value)))
+        return escape(line(str(value)))
 
     environment = Environment(
         loader=FileSystemLoader(file.parent),

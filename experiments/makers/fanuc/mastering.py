@@ -54,10 +54,11 @@ class FanucCounts:
                 "master counts need the pulses for a degree, and these the counts",
                 allowed="both --master-counts and --pulses-per-degree, or --backup FOLDER, or none",
             )
-        counts = _numbers(master, joints, "--master-counts")
+        allowed = f"{joints} numbers, separated by commas"
+        counts = numbers_of(master, "--master-counts", allowed, [joints])
         if any(value != int(value) for value in counts):
             raise BadInput("--master-counts are whole numbers", found=master)
-        pulses = _numbers(per_degree, joints, "--pulses-per-degree")
+        pulses = numbers_of(per_degree, "--pulses-per-degree", allowed, [joints])
         if any(not FEWEST_PULSES <= abs(value) <= MOST_PULSES for value in pulses):
             raise BadInput(
                 "these are not the pulses for a degree of a FANUC joint",
@@ -157,12 +158,4 @@ def _as_fanuc(calibration: RobotCalibration, encoder: J3) -> list[float | None]:
         )
     if third.exported or second.exported:
         values[2] = third.applied - second.applied
-    return values
-
-
-def _numbers(text: str, joints: int, option: str) -> list[float]:
-    allowed = f"{joints} numbers, separated by commas"
-    values = numbers_of(text, option, allowed)
-    if len(values) != joints:
-        raise BadInput(f"{option} is not understood", found=text, allowed=allowed)
     return values

@@ -24,6 +24,7 @@ from ....model.kinematics.robot import Joint, Robot
 from ....model.kinematics.transforms import euler
 from ....model.parsing.reading import read_bytes, read_text, shown
 from ..calibration import GeometryValue, JointOffset, RobotCalibration
+from ..plan_programs import filled
 
 BASE, FLANGE = "base", "flange"
 _ESCAPED = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
@@ -31,37 +32,19 @@ _ESCAPED = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 
 def written_urdf(robot: Robot, head: Sequence[str]) -> str:
     """The text of the file; `head` are lines of its comment."""
-    links = [BASE, *(f"link{i}" for i in range(1, robot.n + 1)), FLANGE]
-    lines = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        f"<robot name={_quoted(robot.name)}>",
-        "<!--",
-        *(re.sub("-(?=-)", "- ", line) for line in head),
-        "-->",
-        *(f"  <link name={_quoted(name)}/>" for name in links),
-    ]
-    for joint, parent, child in zip(robot.joints, links, links[1:], strict=False):
-        lines += _joint(joint, parent, child)
-    lines += [
-        f'  <joint name={_quoted(_free(robot))} type="fixed">',
-        f'    {_origin_element(robot.flange)}<parent link="{links[-2]}"/><child link="{FLANGE}"/>',
-        "  </joint>",
-        "</robot>",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _joint(joint: Joint, parent: str, child: str) -> list[str]:
-    unit = MILLIMETRES if joint.kind == "prismatic" else 1.0
-    lower, upper = joint.lower / unit, joint.upper / unit
-    speed = 0.0 if joint.speed is None else joint.speed / unit
-    return [
-        f'  <joint name={_quoted(joint.name)} type="{joint.kind}">',
-        f'    {_origin_element(joint.fixed)}<parent link="{parent}"/><child link="{child}"/>',
-        f'    <axis xyz="{_spaced(joint.axis)}"/>',
-        f'    <limit lower="{lower!r}" upper="{upper!r}" effort="0" velocity="{speed!r}"/>',
-        "  </joint>",
-    ]
+    name = "to_flange"  # one that no joint has
+    while name in {joint.name for joint in robot.joints}:
+        name += "_"
+    values = {
+        "robot": robot,
+        "head": [re.sub("-(?=-)", "- ", line) for line in head],
+        "links": [BASE, *(f"link{i}" for i in range(1, robot.n + 1)), FLANGE],
+        "origins": [_origin_element(each) for each in (*(j.fixed for j in robot.joints), robot.flange)],
+        "metre": MILLIMETRES,
+        "free": name,
+    }
+    (text,) = filled(Path(__file__).with_name("urdf.j2"), values, _quoted, line=str)
+    return text
 
 
 def _origin_element(transform: Matrix) -> str:
@@ -71,14 +54,6 @@ def _origin_element(transform: Matrix) -> str:
 
 def _spaced(values: Sequence[float] | Matrix) -> str:
     return " ".join(repr(float(value)) for value in values)
-
-
-def _free(robot: Robot) -> str:
-    """A name that no joint has."""
-    name = "to_flange"
-    while name in {joint.name for joint in robot.joints}:
-        name += "_"
-    return name
 
 
 def _quoted(name: str) -> str:

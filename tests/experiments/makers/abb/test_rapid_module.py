@@ -81,4 +81,4 @@ def test_hostile_names_are_comments_only(tmp_path: Path) -> None:
 
 def test_robots_that_a_jointtarget_cannot_hold(tmp_path: Path, refused: Callable[..., BadInput]) -> None:
     run = urdf_run(tmp_path, SLIDING)
-    assert "prismatic: delta3" in str(refused(rapid_text, calibration(run)).found)
+    assert "prismatic: j3" in str(refused(rapid_text, calibration(run)).found)
