@@ -27,8 +27,8 @@ import numpy as np
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.history.database import open_history
-from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.store import add, events, find_arm, results
+from zerobeam.experiments.history.stored_result import read_entry
 from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps
 from zerobeam.words.sentences import to_json

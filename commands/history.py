@@ -20,10 +20,9 @@ from .formats import Group
 from .shared_options import Force, Json
 
 if TYPE_CHECKING:
-    from ..experiments.history.content import StoredResult
     from ..experiments.history.database import Database
-    from ..experiments.history.entry import Entry
     from ..experiments.history.store import Damaged
+    from ..experiments.history.stored_result import Entry, StoredResult
     from ..reports.history.arm_page import ArmHistory
 
 Serial = Annotated[str, argument("Serial number of the arm.", metavar="SERIAL")]
@@ -79,9 +78,9 @@ def add(
     as_json: Json = False,
 ) -> None:
     """Add results, each once; runs are solved first. A bad file is named, and the others are added."""
-    from ..experiments.history.entry import files_of, is_run, read_entry
     from ..experiments.history.store import add as add_entries
     from ..experiments.history.store import arm_of
+    from ..experiments.history.stored_result import files_of, is_run, read_entry
 
     counts: dict[str, int] = dict.fromkeys(("added", "replaced", "already there", "refused"), 0)
     failed: list[dict[str, str]] = []
@@ -147,7 +146,7 @@ def _other_result(path: Path, entry: Entry, replace: bool) -> BadInput:
 def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
     from ..experiments.history.store import arms, message_of, results
-    from ..reports.history.lists import arms_table, history_text
+    from ..reports.history.history_tables import arms_table, history_text
 
     with damage_named() as damaged, opened(db) as history:
         if as_json:
@@ -164,7 +163,7 @@ def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = Fa
     """Show the results and events of an arm, in the order of time."""
     from ..experiments.history.documents import HistoryList
     from ..experiments.history.store import events, find_arm, message_of, results
-    from ..reports.history.lists import events_table, results_table, worth
+    from ..reports.history.history_tables import events_table, results_table, worth
 
     with damage_named() as damaged:
         with opened(db) as history:
@@ -190,9 +189,8 @@ def event(
     db: Url = None,
 ) -> None:
     """Log what happened to an arm."""
-    from ..experiments.history.content import Event
-    from ..experiments.history.entry import moment
     from ..experiments.history.store import add_event, find_arm
+    from ..experiments.history.stored_result import Event, moment
 
     with opened(db) as history:
         arm = find_arm(history, serial, model)
@@ -211,7 +209,7 @@ def export(
     """Write the results as a table (a row for each offset) or as JSON."""
     from ..experiments.history.store import events, find_arm, message_of, results
     from ..model.files.whole_file import write_whole
-    from ..reports.history.lists import history_text, offset_rows
+    from ..reports.history.history_tables import history_text, offset_rows
 
     if file.suffix not in (".csv", ".json"):
         raise BadInput("no table of this kind is written", found=file.name, allowed=".csv or .json")
@@ -249,7 +247,7 @@ def drift(
     from ..experiments.history.documents import DriftOfArms
     from ..experiments.history.fleet_drift import drift_of_each, fleet_drift
     from ..experiments.history.store import arms, events, find_arm, results
-    from ..reports.history.drift_text import arms_drift_table, drift_blocks, fleet_blocks
+    from ..reports.history.history_tables import arms_drift_table, drift_blocks, fleet_blocks
 
     with opened(db) as history, progress("drift") as tell:
         arm, fleet = None, None
@@ -277,8 +275,8 @@ def report(
 ) -> None:
     """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
     from ..experiments.history.arm_drift import arm_drift
-    from ..experiments.history.entry import moment
     from ..experiments.history.store import arms, events, find_arm, message_of, results
+    from ..experiments.history.stored_result import moment
     from ..model.records import to_json
     from ..reports.history.arm_page import ArmHistory
     from ..reports.history.arm_page import headline as arm_headline

@@ -108,9 +108,9 @@ class _Cloud:
         kept = self.log_likelihood > self.log_likelihood.max() - _EXCLUDED
         self.kept = kept
         self._base = base[kept] - base[kept].max()
-        self.x = self.points[np.ix_(kept, self.columns >= 0)] - _CENTRE
-        self._features = np.concatenate([self.x**2, self.x], axis=1).T
-        self._single = self._features.astype(np.float32), self._base.astype(np.float32)
+        x = self.points[np.ix_(kept, self.columns >= 0)] - _CENTRE
+        self.features = np.concatenate([x**2, x], axis=1).T
+        self._single = self.features.astype(np.float32), self._base.astype(np.float32)
 
     def log_weights(self, mu: Matrix, tau: Matrix) -> Matrix:
         """(H, kept) for `mu`, `tau` (H, n), up to a constant of the arm. Of many H in single precision, which
@@ -118,7 +118,7 @@ class _Cloud:
         at = self.columns[self.columns >= 0]
         precision, centre = 1 / tau[:, at] ** 2, mu[:, at] - _CENTRE
         constant = (0.5 * precision * centre**2 + np.log(tau[:, at])).sum(axis=1)
-        features, base = (self._features, self._base) if len(mu) == 1 else self._single
+        features, base = (self.features, self._base) if len(mu) == 1 else self._single
         log_weights = (
             np.concatenate([-0.5 * precision, precision * centre], axis=1).astype(base.dtype) @ features
         )
@@ -248,9 +248,10 @@ def _density(clouds: Sequence[_Cloud], at: Matrix) -> tuple[float, Matrix]:
         total = float(weights.sum())
         value += float(log_weights.max()) + math.log(total)
         columns = cloud.columns[cloud.columns >= 0]
-        apart = (cloud.x - (mu[columns] - _CENTRE)) / tau[columns]
-        by_mu[columns] += weights @ apart / total / tau[columns]
-        by_log_tau[columns] += weights @ apart**2 / total - 1
+        squared, mean = np.split(cloud.features @ weights / total, 2)
+        centre, variance = mu[columns] - _CENTRE, tau[columns] ** 2
+        by_mu[columns] += (mean - centre) / variance
+        by_log_tau[columns] += (squared - 2 * centre * mean + centre**2) / variance - 1
     within = (1 - LEAST) * special.ndtr(-at[size:])
     slope = (1 - LEAST) * np.exp(-0.5 * at[size:] ** 2) / math.sqrt(2 * math.pi)  # of rho
     by_rho = by_log_tau / (2 * (1 - within)) - by_mu * (SPREAD * at[:size]) / (2 * np.sqrt(within))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
-from functools import partial
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -16,7 +15,7 @@ from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
 from ...analysis.row import ParameterRow
 from ...model.records import inline, internal, it, key, or_null, record
-from .content import Event, Moment, StoredResult
+from .stored_result import Event, Moment, StoredResult
 
 YEAR = timedelta(days=365.25)
 NOT_SOON = f"not within {HORIZON_YEARS:g} years"
@@ -71,7 +70,7 @@ class Rate:
 @record(repr=False)
 class DriftingOffset(ParameterRow):
     """An offset at the last result, by all results: unidentifiable where none determines it since the last
-    `mastering`."""
+    `mastering`, assumed where one of those that do rests on an assumption for it."""
 
     rate: Annotated[Rate | None, it("drift rate per root year; null where the results do not determine it")]
 
@@ -120,7 +119,7 @@ class ArmDrift:
     @property
     @key("at the last result; empty with fewer than two results")
     def offsets(self) -> tuple[DriftingOffset, ...]:
-        return () if self.drift is None else tuple(map(partial(_now, self.drift), self.drift.series.names))
+        return () if self.drift is None else tuple(map(self._now, self.drift.series.names))
 
     @property
     @key(
@@ -134,6 +133,24 @@ class ArmDrift:
     @key("the next calibration", name="due")
     def next_due(self) -> Due:
         return Due(self.tolerance_mm, self.due, self.due_reason)
+
+    def _now(self, name: str) -> DriftingOffset:
+        """An offset at the last result."""
+        assert self.drift is not None
+        drift, series = self.drift, self.drift.series
+        i, begin = series.names.index(name), max((t + 1 for t in series.reset), default=0)
+        along, known = np.eye(len(series.names))[i], bool(series.determined[-1, i])
+        statuses = {row.status for result in self.used[begin:] for row in result.offsets if row.name == name}
+        value, std = drift.value(-1, along) if known else (None, None)
+        return DriftingOffset(
+            name,
+            series.units[i],
+            ("assumed" if "assumed" in statuses else "identified") if known else "unidentifiable",
+            value,
+            std,
+            drift.interval(-1, along) if known else None,
+            Rate(*drift.rate(name)) if drift.determines_rate(name) else None,
+        )
 
     def at_last(self) -> ArmDrift:
         """The same without the states before the last result (`Drift.at_last`), for many arms."""
@@ -184,22 +201,6 @@ def arm_drift(
     if used and (since := _since(events, used[-1].measured_at)):
         due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
     return ArmDrift(*arm, tuple(used), tuple(left_out), model, jumps, undecided, tolerance_mm, due, reason)
-
-
-def _now(drift: Drift, name: str) -> DriftingOffset:
-    """An offset at the last result."""
-    i = drift.series.names.index(name)
-    along, known = np.eye(len(drift.series.names))[i], bool(drift.series.determined[-1, i])
-    value, std = drift.value(-1, along) if known else (None, None)
-    return DriftingOffset(
-        name,
-        drift.series.units[i],
-        "identified" if known else "unidentifiable",
-        value,
-        std,
-        drift.interval(-1, along) if known else None,
-        Rate(*drift.rate(name)) if drift.determines_rate(name) else None,
-    )
 
 
 def _why_not(result: StoredResult) -> str | None:

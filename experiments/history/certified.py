@@ -32,8 +32,8 @@ from ...words.provenance import (
     traced,
 )
 from ..acceptance_files import Verified
-from .content import StoredResult
 from .signing import ALGORITHM
+from .stored_result import StoredResult
 
 CERTIFICATE_SCHEMA: Final = "zerobeam/certificate/1"
 _OF_FIT = only("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message", "rms_deg")

@@ -9,8 +9,8 @@ from ...analysis.answer.answer_message import Grade, Message
 from ...analysis.status import Verdict
 from ...model.records import if_any, internal, it, key, record
 from .arm_drift import ArmDrift, DatedJump, Due
-from .content import Event, Moment, StoredResult
 from .fleet_drift import FleetDrift
+from .stored_result import Event, Moment, StoredResult
 
 State = Literal["overdue", "jump without event", "jump", "misfit", "no due date", "on schedule"]
 # The gravest first.

@@ -19,7 +19,7 @@ from ...model.arrays import Matrix
 from ...model.records import inline, it, record
 from ..processes import side_by_side
 from .arm_drift import ArmDrift, DatedJump, Rate, arm_drift
-from .content import Event, StoredResult
+from .stored_result import Event, StoredResult
 
 # Of one arm, as `arm_drift` takes them.
 ArmJob = tuple[tuple[str, str], Sequence[StoredResult], Sequence[Event]]

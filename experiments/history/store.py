@@ -19,22 +19,24 @@ from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import to_json
 from ...words.message import read_message
-from .content import (
+from .database import Database, arm, document, event, result
+from .stored_result import (
     DAMAGED,
     Arm,
+    Entry,
     Event,
     StoredResult,
     What,
     checked_moment,
-    checked_offset,
+    checked_offsets,
     checked_sensitivity,
     checked_text,
     checked_verdict,
     checked_without_prior,
+    entry_of,
+    moment,
     parsed,
 )
-from .database import Database, arm, document, event, result
-from .entry import Entry, entry_of, moment
 
 Outcome = Literal["added", "replaced", "already there", "refused"]
 
@@ -234,38 +236,17 @@ def refuse(error: BadInput) -> None:
 
 def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
     """All arms by serial number, with the verdict of the last result of each; `damaged` as of `results`."""
-    ranked = sa.select(
-        result.c.serial,
-        result.c.model,
-        result.c.verdict,
-        result.c.sha256,
-        sa.func.row_number()
-        .over(
-            partition_by=(result.c.serial, result.c.model),
-            order_by=(result.c.measured_at.desc(), result.c.sha256),
-        )
-        .label("place"),
-    ).subquery()
-    counted = (
-        sa.select(
-            result.c.serial,
-            result.c.model,
-            sa.func.count().label("results"),
-            sa.type_coerce(sa.func.min(result.c.measured_at), sa.String).label("first"),
-            sa.type_coerce(sa.func.max(result.c.measured_at), sa.String).label("last"),
-        )
-        .group_by(result.c.serial, result.c.model)
-        .subquery()
+    at = sa.type_coerce(result.c.measured_at, sa.String).label("at")
+    query = sa.select(arm, result.c.sha256, result.c.verdict, at).outerjoin(
+        result, (arm.c.serial == result.c.serial) & (arm.c.model == result.c.model)
     )
-    query = (
-        sa.select(arm, counted.c.results, counted.c.first, counted.c.last, ranked.c.verdict, ranked.c.sha256)
-        .outerjoin(counted, _same(arm, counted))
-        .outerjoin(ranked, _same(arm, ranked) & (ranked.c.place == 1))
-    )
+    by_arm: dict[tuple[str, str], list[Any]] = {}
     with history.reading() as connection:
-        named = (row for row in connection.execute(query) if _is_named(history, row, damaged))
-        rows = [_arm(history, row, damaged) for row in named]
-    return sorted(rows, key=lambda row: (row.serial, row.model))  # a database sorts by rules of its own
+        for row in connection.execute(query.order_by(result.c.measured_at, result.c.sha256.desc())):
+            by_arm.setdefault((row.serial, row.model), []).append(row)
+    named = (rows for rows in by_arm.values() if _is_named(history, rows[0], damaged))
+    every = [_arm(history, rows, damaged) for rows in named]
+    return sorted(every, key=lambda row: (row.serial, row.model))  # a database sorts by rules of its own
 
 
 def _is_named(history: Database, row: Any, damaged: Damaged) -> bool:
@@ -279,29 +260,21 @@ def _is_named(history: Database, row: Any, damaged: Damaged) -> bool:
     return True
 
 
-def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
-    of = row.serial, row.model, row.vendor
-    if not row.results:
+def _arm(history: Database, rows: Sequence[Any], damaged: Damaged) -> Arm:
+    """Of an arm with a row for each of its results, the last one last; one row without results."""
+    last, of = rows[-1], (rows[0].serial, rows[0].model, rows[0].vendor)
+    if last.sha256 is None:
         return Arm(*of, 0, None, None, None)
     try:
-        return Arm(
-            *of,
-            row.results,
-            checked_moment(row.first),
-            checked_moment(row.last),
-            checked_verdict(row.verdict),
-            checked_text(row.sha256),
-        )
+        first, until = checked_moment(rows[0].at), checked_moment(last.at)
+        return Arm(*of, len(rows), first, until, checked_verdict(last.verdict), checked_text(last.sha256))
     except DAMAGED:
         stored = list(results(history, of[:2], damaged))
     if not stored:
         return Arm(*of, 0, None, None, None)
-    first, last = stored[0], stored[-1]
-    return Arm(*of, len(stored), first.measured_at, last.measured_at, last.verdict, last.sha256)
-
-
-def _same(one: Any, other: Any) -> Any:
-    return (one.c.serial == other.c.serial) & (one.c.model == other.c.model)
+    newest = stored[-1]
+    whole = stored[0].measured_at, newest.measured_at, newest.verdict, newest.sha256
+    return Arm(*of, len(stored), *whole)
 
 
 def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[str, str]:
@@ -356,10 +329,8 @@ def results(
 
 def _stored(row: Mapping[str, Any]) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    offsets = tuple(map(checked_offset, parsed(row["offsets"])))
-    alone, sensitivity = (
-        None if row[name] is None else parsed(row[name]) for name in ("without_prior", "sensitivity_mm2")
-    )
+    offsets = checked_offsets(row["offsets"])
+    sensitivity = None if row["sensitivity_mm2"] is None else parsed(row["sensitivity_mm2"])
     texts: dict[str, Any] = {
         name: checked_text(row[name]) for name in _ROW if name not in ("measured_at", "shots", "verdict")
     }
@@ -369,7 +340,7 @@ def _stored(row: Mapping[str, Any]) -> StoredResult:
         shots=int(row["shots"]),
         verdict=checked_verdict(row["verdict"]),
         offsets=offsets,
-        without_prior=checked_without_prior(alone, offsets),
+        without_prior=checked_without_prior(row["without_prior"], offsets),
         sensitivity_mm2=checked_sensitivity(sensitivity, offsets),
     )
 

@@ -11,8 +11,8 @@ from ...analysis.answer.answer_message import Message
 from ...analysis.drift.drift import ALARM, MEDIAN
 from ...analysis.status import known
 from ...experiments.history.arm_drift import NOT_SOON, ArmDrift
-from ...experiments.history.content import Event, StoredResult
 from ...experiments.history.documents import ArmState, State
+from ...experiments.history.stored_result import Event, StoredResult
 from ...model.records import to_json
 from ...words import numbers
 from ...words.wording import clipped, label, listed
@@ -30,15 +30,18 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.blocks import Verdict as Headline
-from .drift_text import (
+from .history_tables import (
     FEW_RATES,
     UNDECIDED,
     change_sentence,
+    day,
     due_sentence,
+    events_table,
     jumps_blocks,
-    offsets_block,
+    offset_names,
+    offsets_blocks,
+    verdict_cell,
 )
-from .lists import day, events_table, offset_names, verdict_cell
 from .trend_figure import AT_ONCE
 
 # The status of the palette whose shape and colour each has.
@@ -260,7 +263,7 @@ def _sections(history: ArmHistory) -> Iterator[Section]:
     if arm.drift is not None:
         yield section_of("Offsets over time", *_trend(history))
         yield section_of("Jumps", *jumps_blocks(arm))
-        yield section_of("Offsets now", offsets_block(arm), *_never(history))
+        yield section_of("Offsets now", *offsets_blocks(arm), *_never(history))
     if history.results:
         yield replace(
             section_of("Calibrations", calibrations(history), Paragraph(_CERTIFY)),

@@ -8,20 +8,15 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 
-from matplotlib.ticker import MaxNLocator
-
 from ...experiments.history.arm_drift import NOT_SOON
 from ...experiments.history.documents import STATES, ArmState, State
 from ...experiments.history.fleet_drift import FleetDrift
 from ...words import numbers
 from ...words.wording import clipped, counted, listed
-from ..style.blocks import Cell, Facts, FigureBlock, Page, Row, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Bar, Bars, Cell, Facts, Page, Row, Section, Table, row_of, section_of, table_of
 from ..style.blocks import Verdict as Headline
-from ..style.canvas import Picture, new_figure, style, to_svg
-from ..style.palette import light
 from .arm_page import DUE_MEANS, KEYS, MARKS, WORDS
-from .drift_text import clearest_jump, fleet_blocks, with_labels
-from .lists import verdict_cell
+from .history_tables import clearest_jump, fleet_blocks, verdict_cell, with_labels
 
 MOST_ROWS = 1000  # on the page, and with a page of their own
 _MOST_REASONS = 50
@@ -62,7 +57,7 @@ def fleet_page(fleet: Fleet) -> Page:
     if fleet.as_of is not None:
         facts.append(("As of", f"{fleet.as_of:%Y-%m-%d}"))
     sections = [
-        section_of("What to do", _counts(fleet), FigureBlock("due")),
+        section_of("What to do", _counts(fleet), due_bars(fleet)),
         *_reasons(fleet),
         section_of("All arms", _every(fleet)),
         *_together(fleet),
@@ -174,45 +169,13 @@ def due_counts(rows: Sequence[ArmState], as_of: datetime) -> tuple[int, list[tup
     return overdue, [(month // 12, month % 12 + 1, number) for month, number in due_in.items()], later
 
 
-def due_picture(rows: Sequence[ArmState], as_of: datetime) -> Picture | None:
-    """A bar for each month; None where no arm has a due date."""
-    overdue, months, later = due_counts(rows, as_of)
-    numbers = [overdue, *(number for _, _, number in months), later]
-    if not any(numbers):
+def due_bars(fleet: Fleet) -> Bars | None:
+    """A bar for each month that an arm is due in; None where no arm has a due date."""
+    if fleet.as_of is None:
         return None
-    with style():
-        figure = new_figure(2.1)
-        axes = figure.subplots()
-        positions = [-1.8, *range(1, _MONTHS + 1), _MONTHS + 2.8]
-        widths = [1.6, *[0.82] * _MONTHS, 1.6]
-        colours = [light("misfit"), *[light("identified")] * _MONTHS, light("held")]
-        axes.bar(positions, numbers, widths, color=colours, linewidth=0)
-        for at, number in zip(positions, numbers, strict=True):
-            if number:
-                axes.annotate(
-                    f"{number:,}",
-                    (at, number),
-                    (0, 2),
-                    textcoords="offset points",
-                    ha="center",
-                    fontsize=8,
-                )
-        named = [k for k, (_, month, _) in enumerate(months) if month % 3 == 1]
-        axes.set_xticks(
-            [positions[0], *(k + 1 for k in named), positions[-1]],
-            ["overdue", *(f"{_NAMES[months[k][1] - 1]}\n{months[k][0]}" for k in named), "later"],
-        )
-        axes.grid(visible=False, axis="x")
-        axes.tick_params(axis="x", length=0)
-        axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-        axes.set_xlabel("next calibration due")
-        axes.set_ylabel("arms")
-        axes.margins(y=0.15)
-        svg = to_svg(figure, "due")
-    each = "; ".join(f"{_NAMES[month - 1]} {year}: {number}" for year, month, number in months if number)
-    return Picture(
-        "due",
-        f"Arms whose next calibration is due, by month from {as_of:%Y-%m-%d}",
-        f"Arms by due date. Overdue: {overdue}. {f'{each}. ' if each else ''}Later: {counted(later, 'arm')}.",
-        svg,
-    )
+    overdue, months, later = due_counts(fleet.rows, fleet.as_of)
+    named = [(f"{_NAMES[month - 1]} {year}", number, "identified") for year, month, number in months]
+    every = [("overdue", overdue, "misfit"), *named, ("later", later, "held")]
+    bars = [Bar(name, number, counted(number, "arm"), tone) for name, number, tone in every if number]
+    caption = f"Arms by the month in which the next calibration is due, from {fleet.as_of:%Y-%m-%d}"
+    return Bars(caption, bars) if bars else None

@@ -25,8 +25,8 @@ from ...model.records import to_json
 from ..output import whole_folder
 from ..output.whole_folder import LITTER, FolderContents, Kind, write_answer, write_files, write_folder
 from .arm_page import ArmHistory, arm_page, headline, state_row
-from .fleet_page import MOST_ROWS, Fleet, due_picture, fleet_page
-from .lists import offset_rows
+from .fleet_page import MOST_ROWS, Fleet, fleet_page
+from .history_tables import offset_rows
 from .trend_figure import trend_pictures
 
 ARM_PAGE, FLEET_PAGE = "arm.html", "fleet.html"
@@ -155,11 +155,9 @@ def _write_fleet(
     }
     drift = fleet_drift(drifts, lambda stage, share: tell(stage, _OF_ARMS + (1 - _OF_ARMS) * share))
     fleet = Fleet(tuple(rows), pages, tolerance_mm, as_of, drift)
-    pictures = [] if as_of is None else [due_picture(rows, as_of)]
     tables = {_FLEET_TABLE: map(state_row, rows)}
-    write_files(
-        folder, _FLEET, FolderContents(to_json(fleet_document(fleet)), fleet_page(fleet), pictures, tables)
-    )
+    contents = FolderContents(to_json(fleet_document(fleet)), fleet_page(fleet), tables=tables)
+    write_files(folder, _FLEET, contents)
     return fleet
 
 

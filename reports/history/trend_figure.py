@@ -16,15 +16,14 @@ from matplotlib.patches import Patch
 from ...analysis.drift.drift import Drift
 from ...analysis.drift.forecast import Band, bands
 from ...experiments.history.arm_drift import YEAR, ArmDrift
-from ...experiments.history.content import Event
+from ...experiments.history.stored_result import Event
 from ...model.arrays import NORMAL_95, Matrix
 from ...words import numbers
 from ...words.wording import WEAK, clipped, counted, label, listed
 from ..style.canvas import Picture, hatched, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
-from .drift_text import without_jump
-from .lists import day
+from .history_tables import day, without_jump
 
 AT_ONCE = 6  # panels of a figure
 _PANEL, _STRIP = 1.18, 0.36  # inches
@@ -124,9 +123,10 @@ def _panel(axes: Axes, arm: ArmDrift, drift: Drift, name: str, ahead_years: floa
     origin = _day(arm.used[0].measured_at)
     days = np.array([_day(result.measured_at) for result in arm.used])
     drawn = list(bands(drift, name, max(ahead_years, 0.0)))
-    for band in drawn:
-        _shade(axes, band, origin, days)
     points = _points_of(arm, drift, name)
+    role = "assumed" if any(point.status == "assumed" for point in points) else "identified"
+    for band in drawn:
+        _shade(axes, band, origin, days, role)
     crowded = len(arm.used) > 60
     for status in sorted({point.status for point in points}):
         at, values, halves = np.array([point[:3] for point in points if point.status == status]).T
@@ -176,15 +176,13 @@ def _points_of(arm: ArmDrift, drift: Drift, name: str) -> list[_TrendPoint]:
     return points
 
 
-def _shade(axes: Axes, band: Band, origin: float, days: Matrix) -> None:
+def _shade(axes: Axes, band: Band, origin: float, days: Matrix, role: str) -> None:
     at = origin + band.at * (YEAR / timedelta(days=1))
     low, high = band.low, band.high
     if len(at) == 1:  # one result alone: as wide as can be seen
         width = max(float(days[-1] - days[0]), 60.0) / 150
         at, low, high = np.array([at[0] - width, at[0] + width]), np.repeat(low, 2), np.repeat(high, 2)
-    axes.fill_between(
-        at, low, high, color=light("identified"), alpha=0.13 if band.forecast else 0.28, linewidth=0
-    )
+    axes.fill_between(at, low, high, color=light(role), alpha=0.13 if band.forecast else 0.28, linewidth=0)
 
 
 def _scale(axes: Axes, points: Sequence[_TrendPoint], drawn: Sequence[Band]) -> None:

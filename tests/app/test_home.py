@@ -18,8 +18,8 @@ from zerobeam.app.server.answers import due_dates, home
 from zerobeam.app.server.folder import Folder
 from zerobeam.experiments.history.arm_drift import arm_drift
 from zerobeam.experiments.history.database import open_history
-from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.store import add, results
+from zerobeam.experiments.history.stored_result import read_entry
 from zerobeam.model.files.run import read_run, write_run
 
 HEADER = "robot: ur5e\ntool: {kind: probe, point_mm: [0, 0, 60]}\nnoise: {joint_deg: 0.01, spot_mm: 0.1}\n"

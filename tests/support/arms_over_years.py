@@ -16,8 +16,7 @@ from histories import a_result, write_result
 from zerobeam.analysis.answer.answer_message import Action, Message
 from zerobeam.analysis.covariance import OffsetsWithoutPrior
 from zerobeam.experiments.history.arm_drift import arm_drift
-from zerobeam.experiments.history.content import Event, StoredResult
-from zerobeam.experiments.history.entry import read_entry
+from zerobeam.experiments.history.stored_result import Event, StoredResult, read_entry
 from zerobeam.reports.history.arm_page import ArmHistory
 
 FIRST = datetime(2023, 1, 15)

@@ -119,7 +119,7 @@ ADDING = """
 import sys
 from pathlib import Path
 from zerobeam.experiments.history.database import open_history
-from zerobeam.experiments.history.entry import read_entry
+from zerobeam.experiments.history.stored_result import read_entry
 from zerobeam.experiments.history.store import add
 history = open_history(sys.argv[1], create=True)
 for path in sorted(Path(sys.argv[2]).iterdir()):

@@ -11,11 +11,10 @@ from arms_over_years import without_offset
 from histories import a_result, write_result
 
 from zerobeam.experiments.history.arm_drift import ArmDrift, arm_drift
-from zerobeam.experiments.history.content import StoredResult
-from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.fleet_drift import FleetDrift, fleet_drift
+from zerobeam.experiments.history.stored_result import StoredResult, read_entry
 from zerobeam.model.records import to_json
-from zerobeam.reports.history.drift_text import drift_blocks, fleet_blocks
+from zerobeam.reports.history.history_tables import drift_blocks, fleet_blocks
 from zerobeam.reports.style.blocks import Block, Paragraph, Table
 
 

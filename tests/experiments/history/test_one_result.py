@@ -15,8 +15,8 @@ from histories import a_result
 
 from zerobeam.analysis.answer.result import parse_result
 from zerobeam.experiments.history.database import document, result
-from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.store import add, choose, results, whole_answer
+from zerobeam.experiments.history.stored_result import read_entry
 from zerobeam.model.errors import BadInput
 
 

@@ -17,9 +17,7 @@ from child import ZEROBEAM, child
 from histories import a_result, adding, postgresql, write_result
 
 from zerobeam.experiments.history import store
-from zerobeam.experiments.history.content import Event
 from zerobeam.experiments.history.database import Database, open_history
-from zerobeam.experiments.history.entry import Entry, read_entry
 from zerobeam.experiments.history.store import (
     add,
     add_event,
@@ -30,6 +28,7 @@ from zerobeam.experiments.history.store import (
     find_arm,
     results,
 )
+from zerobeam.experiments.history.stored_result import Entry, Event, read_entry
 from zerobeam.model.errors import BadInput
 from zerobeam.model.records import to_json
 

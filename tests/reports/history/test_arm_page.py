@@ -22,6 +22,7 @@ from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline
 from zerobeam.reports.history.history_folder import arm_document, safe_name, write_arm, write_fleet
 from zerobeam.reports.history.trend_figure import _drawn, trend_pictures
 from zerobeam.reports.output.html import html
+from zerobeam.reports.style.blocks import Table
 from zerobeam.reports.style.canvas import Picture, style
 from zerobeam.reports.style.palette import light
 
@@ -41,6 +42,21 @@ def points(svg: str) -> int:
     """How many results are drawn: marks in the colour of what is identified, less that of the legend."""
     blue = light("identified")
     return len(re.findall(rf'<use [^>]*style="fill: {blue}; stroke: {blue}', svg)) - 1
+
+
+def test_what_is_assumed_is_not_shown_as_measured() -> None:
+    """However many results there are, an offset that each of them knows by an assumption is assumed."""
+    own = arm_history(over_years(3))
+    (row,) = [row for row in own.results[0].offsets if row.status == "assumed"]
+    assert {one.name: one.status for one in own.arm.offsets if one.status != "identified"} == {
+        row.name: "assumed"
+    }
+    page = arm_page(own)
+    (table,) = [one for one in page.sections[2].all if isinstance(one, Table)]
+    assert [one.cells[1].mark for one in table.rows] == ["", "", "", "", "assumed"]
+    assert "J6 (δ6): assumed. What was assumed is the same in every result" in shown(own).words
+    band = light("assumed")
+    assert f"fill: {band}; fill-opacity" in pictures(own)["trend"].svg
 
 
 @pytest.mark.long

@@ -26,8 +26,6 @@ from zerobeam.experiments.history.certified import (
     CertifiedResult,
     certificate_of,
 )
-from zerobeam.experiments.history.content import StoredResult
-from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.signing import (
     fingerprint,
     grouped,
@@ -38,15 +36,16 @@ from zerobeam.experiments.history.signing import (
     why_not_signed,
 )
 from zerobeam.experiments.history.store import add, results, whole_answer
+from zerobeam.experiments.history.stored_result import StoredResult, read_entry
 from zerobeam.model.errors import BadInput
 from zerobeam.model.instruments.laser import LaserBeam
 from zerobeam.reports.history.certificate import (
+    certificate_page,
     files_of_certificate,
     read_certificate,
     why_history_differs,
     write_certificate,
 )
-from zerobeam.reports.history.certificate_page import certificate_page
 from zerobeam.reports.output.html import html
 from zerobeam.words import numbers
 from zerobeam.words.provenance import CERTIFICATE_KEYS
@@ -143,6 +142,7 @@ def test_it_states_the_result_and_is_signed(tmp_path: Path) -> None:
             assert numbers.spread(row["expanded"], "deg") in plain
         assert own.document_sha256 in re.sub(r"\s", "", text)
         assert grouped(fingerprint(by)).replace(" ", "") in re.sub(r"\s", "", text)
+        assert "assumed: no value is certified" in plain
         assert "signed exactly these bytes" in plain
 
 

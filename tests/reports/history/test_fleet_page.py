@@ -20,16 +20,16 @@ from zerobeam.experiments.history.fleet_drift import fleet_drift
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history import history_folder
 from zerobeam.reports.history.arm_page import ArmHistory
-from zerobeam.reports.history.drift_text import fleet_blocks
 from zerobeam.reports.history.fleet_page import (
     MOST_ROWS,
     Fleet,
+    due_bars,
     due_counts,
-    due_picture,
     fleet_page,
     headline,
 )
 from zerobeam.reports.history.history_folder import write_arm, write_fleet
+from zerobeam.reports.history.history_tables import fleet_blocks
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
 
@@ -190,10 +190,16 @@ def test_due_dates_are_counted_by_month() -> None:
     assert (overdue, later) == (1, 2)
     assert [month for month in months if month[2]] == [(2026, 4, 1), (2026, 5, 1), (2028, 3, 1)]
     assert len(months) == 24
-    picture = due_picture(rows, AS_OF)
-    assert picture is not None
-    assert "Overdue: 1. Apr 2026: 1; May 2026: 1; Mar 2028: 1. Later: 2 arms." in picture.alt
-    assert due_picture(rows[5:6], AS_OF) is None
+    bars = due_bars(fleet(*rows))
+    assert bars is not None
+    assert [(bar.name, bar.value) for bar in bars.rows] == [
+        ("overdue", 1),
+        ("Apr 2026", 1),
+        ("May 2026", 1),
+        ("Mar 2028", 1),
+        ("later", 2),
+    ]
+    assert due_bars(fleet(*rows[5:6])) is None
 
 
 @pytest.mark.long
