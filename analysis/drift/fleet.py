@@ -83,7 +83,7 @@ class ModelRates:
         mu = self.mu[:, self.names.index(offset)]
         std = math.sqrt(self.weights @ (mu - self.weights @ mu) ** 2)
         width = max(std, 1e-6) * self.effective ** (-1 / 5)
-        return float(self.weights @ special.ndtr((mu - math.log(rate)) / width))
+        return min(1.0, float(self.weights @ special.ndtr((mu - math.log(rate)) / width)))
 
 
 @dataclass(eq=False)

@@ -46,7 +46,6 @@ Damaged = Callable[[BadInput], None]
 _ANEW = ", or add its result.json anew with --replace"
 _SHORT = 12  # digits of a hash that a person is shown
 _LEVEL = 1  # of the compression: the higher ones take most of the time of adding
-_ARM = ("serial", "model")
 _ROW = (
     *("sha256", "serial", "model", "measured_at", "instrument", "operator", "run", "shots", "verdict"),
     *("made_by", "document_sha256"),
@@ -272,9 +271,8 @@ def _arm(history: Database, rows: Sequence[Any], damaged: Damaged) -> Arm:
         stored = list(results(history, of[:2], damaged))
     if not stored:
         return Arm(*of, 0, None, None, None)
-    newest = stored[-1]
-    whole = stored[0].measured_at, newest.measured_at, newest.verdict, newest.sha256
-    return Arm(*of, len(stored), *whole)
+    first, newest = stored[0].measured_at, stored[-1]
+    return Arm(*of, len(stored), first, newest.measured_at, newest.verdict, newest.sha256)
 
 
 def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[str, str]:
