@@ -143,23 +143,23 @@ class _Scored:
 
 
 def _more(
-    smoothed: Smoothed, scored: _Scored, passes: Sequence[Pass], place: tuple[int, int], seed: int
+    smoothed: Smoothed, scored: _Scored, passes: Sequence[Pass], tested: tuple[int, int], seed: int
 ) -> JumpTests:
-    """The test of one place, where too few of the rates count, by more: first with the prior of the rate of
-    the tested offset, then about those that count."""
+    """One test (interval, offset), where too few of the rates count, by more: first with the prior of the
+    rate of the tested offset, then about those that count."""
     weights = scored.weights(over_passes(np.log(scored.rates), passes))
     prior, more = passes[0], list(passes)
     while effective(weights[:, 0]) < ENOUGH and len(more) < len(passes) + MOST:
         more.append(
-            _with_prior_of(place[1], passes[-1], prior)
+            _with_prior_of(tested[1], passes[-1], prior)
             if len(more) == len(passes)
             else about(np.log(scored.rates), weights[:, 0])
         )
         rates = np.exp(from_pass(more[-1], _NODES, seed + len(more) - 1))
-        added = _Scored.of(smooth(smoothed.series, rates, smoothed.jumps), [place])
+        added = _Scored.of(smooth(smoothed.series, rates, smoothed.jumps), [tested])
         scored = _Scored(*map(np.concatenate, zip(astuple(scored), astuple(added), strict=True)))
         weights = scored.weights(over_passes(np.log(scored.rates), more))
-    return _tests(smoothed.series, [place], scored, weights, passes)
+    return _tests(smoothed.series, [tested], scored, weights, passes)
 
 
 def _tests(
@@ -321,13 +321,13 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         smoothed, log_weight, passes = integrated(series, jumps, seed)
         tests = _jump_tests(smoothed, passes, seed)
         p_values = {
-            place: p_value
+            tested: p_value
             for some in tests
-            for place, p_value in zip(some.places, some.p_value.tolist(), strict=True)
+            for tested, p_value in zip(some.places, some.p_value.tolist(), strict=True)
         }
         if not jumps_found:
-            for place, p_value in p_values.items():
-                p_first[place] = p_value
+            for tested, p_value in p_values.items():
+                p_first[tested] = p_value
         single = alarm / max(np.isfinite(p_first).sum(), 1)  # of each test
         clearest = min(p_values, key=p_values.__getitem__, default=None)
         if clearest is None or p_values[clearest] > single or len(jumps_found) >= _MOST_JUMPS:
