@@ -15,7 +15,7 @@ from ..maker import (
     Reader,
 )
 from ..program_template import ProgramTemplate
-from .layouts import CsvLayout, PointLayout, Stillness
+from .layouts import NO_DWELLS, CsvLayout, PointLayout, Stillness
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -115,7 +115,7 @@ def _read_points(job: "ImportJob", layout: PointLayout) -> "Imported":
 
 def _read_ros(
     job: "ImportJob",
-    still: Stillness,
+    still: Stillness = NO_DWELLS,
     columns: Annotated[
         Sequence[str] | None,
         Option("Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).", text=names_typed),

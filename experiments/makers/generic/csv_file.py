@@ -11,9 +11,7 @@ from ....model.files.joint_columns import JointColumns
 from ....model.files.text_tables import DELIMITERS, TextTable, read_table
 from ..import_jobs import FileMeasurements, Imported, ImportJob, Keys
 from .dwells import JointLog, Mark, held
-from .layouts import CsvLayout, Stillness
-
-NO_DWELLS = Stillness()
+from .layouts import NO_DWELLS, CsvLayout, Stillness
 
 
 def import_csv(job: ImportJob, layout: CsvLayout, still: Stillness = NO_DWELLS) -> Imported:

@@ -89,6 +89,9 @@ class Stillness:
         return np.array([self.still_mm if slide else self.still_deg for slide in slides], dtype=float)
 
 
+NO_DWELLS = Stillness()
+
+
 @dataclass(frozen=True)
 class CsvLayout:
     """The layout of CSV files. Columns are stated by name (with a `header_row`) or number, from 1.

@@ -5,8 +5,7 @@ import pytest
 from import_files import import_csv
 from recorded_logs import HEADER, POSTURES, moves
 
-from zerobeam.experiments.makers.generic.csv_file import NO_DWELLS, CsvLayout
-from zerobeam.experiments.makers.generic.layouts import Stillness
+from zerobeam.experiments.makers.generic.layouts import NO_DWELLS, CsvLayout, Stillness
 from zerobeam.model.files.run import read_run, write_run
 
 LASER = """\
