@@ -211,8 +211,8 @@ class ImportJob:
             sentences += [f"{part.path}: {_counted(new, part)}", *part.notes]
             shots += new
         _numbered_once(shots)
-        places = [(part, i) for part in parts for i in range(len(part.joints))]
         of = copies(shots)
+        places = [(part, i) for part in parts for i in range(len(part.joints))] if of else []
         copied = [copied_rows(of, len(shots), lambda i: places[i][0].called(places[i][1]))] if of else []
         kept = [i for i in range(len(shots)) if i not in of]
         shots = [shots[i] for i in kept]
@@ -295,9 +295,12 @@ class ImportJob:
             columns["source"] = [f"{name}:{line}" for line in part.lines]
         columns["joints_deg"] = part.joints.tolist()
         shots, rules, model = [], ShotRules(self.header, self.robot), shot_model(self.header)
+        sparse = any(None in values for values in columns.values())
         for i, row in enumerate(zip(*columns.values(), strict=True)):
             with located(part.path, part.line(i)):
-                content = {key: value for key, value in zip(columns, row, strict=True) if value is not None}
+                content = dict(zip(columns, row, strict=True))
+                if sparse:
+                    content = {key: value for key, value in content.items() if value is not None}
                 shot = validate(model, content, file=None, line=_nowhere)
                 rules.check(shot, file=None, line=None)
             shots.append(shot)
