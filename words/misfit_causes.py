@@ -314,7 +314,7 @@ def _readings(readings: Sequence[Misreading]) -> str:
         (one,) = readings
         return f" If one value is wrong, it is that of J{one.joint} ({_instead(one)})."
     each = [f"J{one.joint} ({_instead(one)})" for one in readings]
-    return f" If one value is wrong, it is that of one of these joints: {listed(each)}."
+    return f" If one value is wrong, it is that of one of these joints: {listed(each, last='or')}."
 
 
 def _instead(one: Misreading) -> str:

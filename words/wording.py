@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Sequence, Sized
+from typing import Literal
 
 Namer = Callable[[str], str]  # writes the name of a parameter or target: `str` in files, `label` for people
 
@@ -108,11 +109,11 @@ def are(names: Collection[str], name: Namer) -> str:
     return f"{listed(list(map(name, names)))} {be(names)}"
 
 
-def listed(names: list[str], most: int = 8) -> str:
+def listed(names: list[str], most: int = 8, last: Literal["and", "or"] = "and") -> str:
     """`a, b and c`; of more than `most` names the first and how many more."""
     if len(names) > most:
         return f"{', '.join(names[:most])} and {len(names) - most} more"
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
 def joints(names: Sequence[str], name: Namer = person) -> list[str]:

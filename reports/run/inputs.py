@@ -140,7 +140,6 @@ def traceability_section(result: Result) -> Section | None:
     if is_simulated(provenance):
         return None
     about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
-    entries.append(("SHA-256 of the run", result.inputs.sha256))
     return section_of("Traceability", Paragraph(about), Form(entries, _SIGNED))
 
 

@@ -54,7 +54,7 @@ def residuals_section(result: Result) -> Section:
         text += " The weight is that of the robust fit."
     influential = [(shot.cooks, i) for i, shot in enumerate(shots) if shot.cooks is not None]
     heaviest = max(influential, key=lambda pair: pair[0])[1] if influential else None
-    if heaviest is not None:
+    if heaviest is not None and result.misfit is None:  # else the message says which one is suspected
         cooks = numbers.or_words(shots[heaviest].cooks, "not defined")
         text += f" Most influential measurement: {shots[heaviest].shot} (Cook’s distance {cooks})."
     if len(shots) > MOST_SHOTS:

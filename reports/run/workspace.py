@@ -14,10 +14,9 @@ from ...analysis.observability.outlook import NextPosture
 from ...words import numbers
 from ...words.enter import enter_sentence, error_words, floor_sentence
 from ...words.finding_words import accuracy_reason, tcp_words
-from ...words.message import message, offered
 from ...words.region_words import region_first, region_words
 from ...words.wording import clipped, counted, label, listed, person, sentence
-from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import DASHES, WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 
@@ -42,7 +41,6 @@ def workspace_section(result: Result) -> Section:
         *map(Paragraph, _doubts(result)),
         _table(result, workspace, near),
         *map(Paragraph, filter(None, [floor_sentence(result)])),
-        *([] if offered(result, message(result)) else [FigureBlock(NAME)]),
         _next_table(result),
         Paragraph(f"{_where(result)} {_postures(result, workspace, near)}"),
     )

@@ -142,7 +142,7 @@ def test_what_is_not_determined_has_no_number_and_no_value_to_enter(quick: str) 
     with result(quick, "x-pattern") as tab:
         assert "degenerate" in tab.value(WORD)
         assert tab.value(cell("delta2", ".u")) == "not determined"
-        assert tab.value(f"{FIRST}[1].cells[1].textContent.trim()") == "not determined"
+        assert tab.value(f"{FIRST}[1].cells[1].textContent.trim()") == "not determined by these data"
         assert "enter" not in tab.value("document.querySelector('.front table').tHead.textContent")
         unfold(tab, "Posterior of the offsets, pair by pair")
         wait(tab, "document.body.innerText.includes('J2 (δ2): prior only')")

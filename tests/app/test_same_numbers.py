@@ -71,7 +71,7 @@ def in_table(tab: Tab, table: str, prefix: str = "") -> Numbers:
     rows = tab.value(
         f"[...{table}.tBodies[0].rows].map((r) => [...r.cells].map((c) => c.textContent.trim()))"
     )
-    return {f"{prefix}{row[0][:2]}": (row[1], row[2]) for row in rows if row[1][-1:] == "°" and row[2]}
+    return {f"{prefix}{row[0][:2]}": (row[1], row[2]) for row in rows if row[1][-1:] == row[2][-1:] == "°"}
 
 
 def in_report(folder: Path) -> Numbers:

@@ -25,7 +25,7 @@ from zerobeam.reports.run.report import pictures, report_page
 from zerobeam.reports.style.blocks import Bars, Block, FigureBlock, Paragraph, Table
 from zerobeam.words.message import message
 
-LINES, WORDS, ON_PAPER, VERDICT = 25, 200, 250, 15
+LINES, WORDS, ON_PAPER, VERDICT, PAGES = 25, 200, 250, 15, 6
 MOST_LINES = 27  # of runs that are not the demo's
 
 
@@ -43,7 +43,8 @@ def printed(result: Result) -> str:
 
 @pytest.mark.parametrize("case", demo_runs(), ids=lambda case: case.name)
 def test_page_one_of_the_demo_is_read_in_ten_seconds(case: DemoRun) -> None:
-    result = analyse(read_run(case.path), ess=100).result
+    answer = analyse(read_run(case.path), ess=100)
+    result = answer.result
     text = printed(result)
     assert words(text) <= WORDS, text
     assert len(text.splitlines()) <= LINES, text
@@ -51,6 +52,12 @@ def test_page_one_of_the_demo_is_read_in_ten_seconds(case: DemoRun) -> None:
     first = PdfReader(io.BytesIO(pdf(report_page(result), pictures(result, None)))).pages[0].extract_text()
     assert words(first) <= ON_PAPER, first
     assert "page 1 of" in first
+    # Of a robot that was measured there is a form to sign, too.
+    header = result.inputs.header | {"provenance": {"robot serial": "16-1", "date": "2026-11-02"}}
+    measured = replace(result, inputs=replace(result.inputs, header=header))
+    pages = PdfReader(io.BytesIO(pdf(report_page(measured), pictures(measured, answer.draws)))).pages
+    assert "Signature" in pages[-1].extract_text()
+    assert len(pages) <= PAGES
 
 
 @pytest.mark.parametrize("name", sorted(EXAMPLES))
