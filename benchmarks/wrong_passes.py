@@ -32,8 +32,8 @@ from zerobeam.model.likelihood.problem import Problem
 TARGET = np.array([900.0, 0.0, 0.0])  # mm
 PLANS = ((7, 2), (12, 2), (12, 4), (20, 2))  # measurements, of which are measured again
 SIZES = {
-    "jump": (0.04, 0.06, 0.1),  # degrees; larger ones leave no pass
-    "drift": (0.05, 0.08, 0.12),
+    "jump": (0.06,),  # degrees; of larger ones few pass, smaller ones are within 4 u
+    "drift": (0.08,),
     "moved target": (0.7, 1.5),  # mm
     "one reading": (4.0, 8.0),
 }

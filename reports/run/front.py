@@ -20,7 +20,19 @@ from ...words.region_words import region_words
 from ...words.trust import above, tolerances_of, trusted
 from ...words.wording import NOT_DETERMINED, WEAK, joints
 from ..scenes.null_motion_picture import NAME
-from ..style.blocks import Bar, Bars, Block, Cell, FigureBlock, Paragraph, Row, Table, row_of, table_of
+from ..style.blocks import (
+    Bar,
+    Bars,
+    Block,
+    Cell,
+    FigureBlock,
+    Paragraph,
+    Row,
+    SceneBlock,
+    Table,
+    row_of,
+    table_of,
+)
 from .outlook_section import outlook_blocks
 from .workspace import NAME as MAP
 
@@ -50,6 +62,8 @@ def _blocks(result: Result, content: Message, remedies: bool) -> Iterator[Block]
         yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
     if entered is not None:
         yield FigureBlock(MAP)
+    elif result.null_motion is None and result.scene is not None:
+        yield SceneBlock()
 
 
 def offsets_front(

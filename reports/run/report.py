@@ -7,12 +7,13 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
+from ...words.message import message
 from ...words.sentences import to_json
 from ...words.wording import clipped, counted
 from ..output.posterior_file import write_posterior
 from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..scenes.turnable import still_picture
-from ..style.blocks import Page
+from ..style.blocks import Page, SceneBlock
 from ..style.canvas import Picture
 from .brief_page import page_of
 from .fit_section import (
@@ -22,6 +23,7 @@ from .fit_section import (
     intervals_section,
     robust_section,
 )
+from .front import front
 from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
 from .next_steps_section import next_steps_section
@@ -42,6 +44,7 @@ from .workspace import workspace_picture, workspace_section
 def report_page(result: Result) -> Page:
     """All that a report shows."""
     inputs, wrong = result.inputs, result.misfit is not None  # what follows from a wrong model is not shown
+    drawn_first = SceneBlock() in front(result, message(result))
     sections = [
         diagnosis_section(result),
         None if wrong else unobservable_section(result.parameters, result.identifiability),
@@ -49,7 +52,7 @@ def report_page(result: Result) -> Page:
         next_steps_section(result),
         outlook_section(result),
         rehearsal_section(result),
-        None if wrong else scene_section(result),
+        None if wrong else scene_section(result, drawn=not drawn_first),
         None if wrong else workspace_section(result),
     ]
     details = [

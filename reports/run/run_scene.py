@@ -120,14 +120,14 @@ def _places(scene: RunScene) -> str:
     return "Instruments" if stations == len(scene.targets) else "Targets and instruments"
 
 
-def scene_section(result: Result) -> Section | None:
-    """The section of the report: a paragraph on the targets' places, which paper has too, and the picture."""
+def scene_section(result: Result, *, drawn: bool = True) -> Section | None:
+    """The section of the report: a paragraph on the targets' places, which paper has too, and the picture,
+    unless that is not to be `drawn` here."""
     scene = result.scene
     if scene is None:
         return None
-    return section_of(
-        _TITLES[_places(scene)], Paragraph(_sentences(_positions(scene), scene)), SceneBlock(screen_only=True)
-    )
+    picture = [SceneBlock(screen_only=True)] if drawn else []
+    return section_of(_TITLES[_places(scene)], Paragraph(_sentences(_positions(scene), scene)), *picture)
 
 
 def _positions(scene: RunScene) -> list[str]:

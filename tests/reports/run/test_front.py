@@ -9,12 +9,13 @@ from dataclasses import replace
 import pytest
 from command_line import WIDTH
 from example_results import EXAMPLES, geometry, good, x_pattern
-from pypdf import PdfReader
+from pypdf import PageObject, PdfReader
 from rich.console import Console
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.answer.answer_message import May
 from zerobeam.analysis.answer.result import Result
+from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.experiments.demos import DemoRun, demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.reports.output.pdf import pdf
@@ -22,6 +23,8 @@ from zerobeam.reports.output.terminal import print_page
 from zerobeam.reports.run.brief_page import MOST_CAUTIONS, front_page
 from zerobeam.reports.run.front import MAP, front
 from zerobeam.reports.run.report import pictures, report_page
+from zerobeam.reports.run.run_scene import run_turnable
+from zerobeam.reports.scenes.turnable import STILL, still_picture
 from zerobeam.reports.style.blocks import Bars, Block, FigureBlock, Paragraph, Table
 from zerobeam.words.message import message
 
@@ -41,6 +44,14 @@ def printed(result: Result) -> str:
     return text.getvalue()
 
 
+def on_paper(result: Result, draws: Draws | None) -> list[PageObject]:
+    """The pages of the PDF as it is written."""
+    turnable = run_turnable(result)
+    assert turnable is not None
+    drawn = pictures(result, draws) | {STILL: still_picture(turnable)}
+    return list(PdfReader(io.BytesIO(pdf(report_page(result), drawn))).pages)
+
+
 @pytest.mark.parametrize("case", demo_runs(), ids=lambda case: case.name)
 def test_page_one_of_the_demo_is_read_in_ten_seconds(case: DemoRun) -> None:
     answer = analyse(read_run(case.path), ess=100)
@@ -49,13 +60,13 @@ def test_page_one_of_the_demo_is_read_in_ten_seconds(case: DemoRun) -> None:
     assert words(text) <= WORDS, text
     assert len(text.splitlines()) <= LINES, text
     assert words(message(result).verdict) <= VERDICT
-    first = PdfReader(io.BytesIO(pdf(report_page(result), pictures(result, None)))).pages[0].extract_text()
+    first = on_paper(result, answer.draws)[0].extract_text()
     assert words(first) <= ON_PAPER, first
     assert "page 1 of" in first
     # Of a robot that was measured there is a form to sign, too.
     header = result.inputs.header | {"provenance": {"robot serial": "16-1", "date": "2026-11-02"}}
     measured = replace(result, inputs=replace(result.inputs, header=header))
-    pages = PdfReader(io.BytesIO(pdf(report_page(measured), pictures(measured, answer.draws)))).pages
+    pages = on_paper(measured, answer.draws)
     assert "Signature" in pages[-1].extract_text()
     assert len(pages) <= PAGES
 
