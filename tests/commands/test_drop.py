@@ -33,8 +33,8 @@ def advised(folder):
 def test_a_row_is_named_as_people_count_it_with_the_command(advised, folder):
     text = text_of(advised)
     assert advised.status == 1
-    assert "Without row 5 of shots.csv (measurement 4) the residuals are" in text
-    assert "Analyse without row 5 of shots.csv (measurement 4) (--drop)" in text
+    assert "Without measurement 4 (row 5 of shots.csv) the residuals are" in text
+    assert "Analyse without measurement 4 (row 5 of shots.csv) (--drop)" in text
     unbroken = "".join(advised.out.replace("\\\n", "").split())
     assert f"zerobeamanalyse{folder.as_posix()}/run.jsonl--drop4" in unbroken
 

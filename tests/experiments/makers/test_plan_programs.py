@@ -344,6 +344,7 @@ def test_without_the_rules_of_a_language_names_do_get_out(
 ) -> None:
     tame = {kind: _without_names(kind, tmp_path, "psd", monkeypatch) for kind in HOLDS_NAMES}
     monkeypatch.setattr(plan_programs, "one_line", str)
+    monkeypatch.setattr(plan_programs.filled, "__defaults__", (str, str, str))  # quote, escape, line
     monkeypatch.setattr(ProgramTemplate, "__getattribute__", _without_rules)
     for kind in sorted({*HOLDS_NAMES} - {"robodk"}):
         assert _without_names(kind, tmp_path, EVIL, monkeypatch) != tame[kind], kind
