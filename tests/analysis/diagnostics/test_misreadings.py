@@ -91,7 +91,7 @@ def test_joints_that_have_the_same_effect_are_all_listed(tmp_path: Path) -> None
     assert abs(rows[3]["fitted"] - (-143.834 - 0.9)) < 3 * rows[3]["u"]
     assert all(row["meant"] is None for row in rows.values())
     printed = " ".join(zerobeam("analyse", run, "--ess", 100).out.split())
-    assert "row 5 of rows.csv (measurement 4)" in printed
+    assert "measurement 4 (row 5 of rows.csv)" in printed
     assert "one of these joints: J" in printed
     assert "--drop 4" in printed
 
