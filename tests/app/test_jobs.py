@@ -38,7 +38,9 @@ def test_a_run_is_carried_out_followed_and_followed_again(client: TestClient, ro
     assert last == done["answer"] | {"action": last["action"]}
     assert events(client, job, after=numbers[2]) == [event for event in again if event[0] > numbers[2]]
     assert events(client, job, after=10**6) == []
-    assert client.get("/api/jobs").json()[0] == {k: v for k, v in done.items() if k not in ("log", "answer", "front")}
+    assert client.get("/api/jobs").json()[0] == {
+        k: v for k, v in done.items() if k not in ("log", "answer", "front")
+    }
     same = zerobeam(command[0], root / "short.yaml", "-o", root / "same.jsonl", *command[4:])
     assert same.status == done["status"]
     measured = [(root / name).read_text().splitlines()[1:] for name in ("sub/new.jsonl", "same.jsonl")]
