@@ -208,7 +208,7 @@ def offered(result: Result, content: Message) -> Entered | None:
     nominal = lacks_factory_calibration(inputs.vendor, inputs.header.get("robot"))
     if result.verdict != "pass" or (nominal and not is_simulated(inputs.provenance)):
         return None
-    return (result.enter or result.entered) if content.may.export else None  # of a file, or of an analysis
+    return result.entered if content.may.export else None
 
 
 def next_steps(result: Result, content: Message) -> NextSteps:

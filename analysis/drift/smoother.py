@@ -238,10 +238,8 @@ class Smoothed:
         block[diagonal, diagonal] += np.moveaxis(np.where(self.jumps[:, :, None], 0.0, step_precision), 0, 1)
         left = _inverse(block)
         # x[t+1] - x[t] = (F + W)^-1 (F x[t+1] - what F y is).
-        stay, covariance = (
-            _product(left, known),
-            np.moveaxis(self.covariance[:, 1:], (2, 3, 1, 0), (0, 1, 2, 3)),
-        )
+        stay = _product(left, known)
+        covariance = np.moveaxis(self.covariance[:, 1:], (2, 3, 1, 0), (0, 1, 2, 3))
         of_next = (_product(stay, covariance) * stay).sum(axis=1)
         return np.moveaxis(left[diagonal, diagonal] + of_next, (0, 1, 2), (2, 1, 0))
 
@@ -252,9 +250,8 @@ class Smoothed:
         if len(self.rates) > _AT_ONCE:
             starts = range(0, len(self.rates), _AT_ONCE)
             parts = [self._some(slice(k, k + _AT_ONCE)).jumps_after(intervals) for k in starts]
-            return np.concatenate([part[0] for part in parts], -1), np.concatenate(
-                [part[1] for part in parts], -1
-            )
+            scores, powers = zip(*parts, strict=True)
+            return np.concatenate(scores, -1), np.concatenate(powers, -1)
         at = [t + 1 for t in intervals]
         (precision, weighted), forward = self._backward, self.forward
         f, b = (np.moveaxis(one[at], 0, 2) for one in (forward.precision, precision))

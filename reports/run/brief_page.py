@@ -49,8 +49,15 @@ if TYPE_CHECKING:
 MOST_CAUTIONS = 3  # on page one
 
 
-def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Section | None] = ()) -> Page:
-    """A page on a result: what is read first, then sections."""
+def page_of(
+    title: str,
+    subtitle: str,
+    result: Result,
+    sections: Sequence[Section | None] = (),
+    *,
+    remedies: bool = True,
+) -> Page:
+    """A page on a result: what is read first, then sections; without `remedies` where those have all."""
     content = message(result)
     first = replace(content, cautions=content.cautions[:MOST_CAUTIONS])
     more = content.cautions[MOST_CAUTIONS:]
@@ -64,7 +71,7 @@ def page_of(title: str, subtitle: str, result: Result, sections: Sequence[Sectio
         [],
         [section for section in present if section is not None],
         message=first,
-        front=front(result, content),
+        front=front(result, content, remedies=remedies),
         band=BAND if is_simulated(result.inputs.provenance) else "",
     )
 
@@ -102,8 +109,7 @@ def brief_page(result: Result) -> Page:
         predicted_run_section(result),
         None if wrong else intervals_section(result),
     ]
-    page = page_of("", "", result, sections)
-    return replace(page, front=front(result, message(result), remedies=False))
+    return page_of("", "", result, sections, remedies=False)
 
 
 def ended_page(answer: Ended) -> Page:

@@ -62,8 +62,15 @@ def _blocks(result: Result, content: Message, remedies: bool) -> Iterator[Block]
         yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
     if entered is not None:
         yield FigureBlock(MAP)
-    elif result.null_motion is None and result.scene is not None:
+    elif shows_scene(result, entered):
         yield SceneBlock()
+
+
+def shows_scene(result: Result, entered: Entered | None) -> bool:
+    """Whether its picture is the scene: nothing is `entered`, and no motion shows why."""
+    return (
+        entered is None and result.misfit is None and result.null_motion is None and result.scene is not None
+    )
 
 
 def offsets_front(
@@ -122,7 +129,7 @@ def _tcp(result: Result, offered: Entered | None) -> Iterator[Block]:
     has the links too. A file has it of what is offered alone."""
     entered, after = offered or result.entered, "entered"
     if taken_by(result.inputs.vendor) != "offsets":
-        entered, after = result.enter_geometry or result.entered_geometry or entered, "corrected"
+        entered, after = result.entered_geometry or entered, "corrected"
     if entered is None or entered.tcp_before is None or entered.tcp_after is None:
         if result.next_steps is None or result.accuracy.workspace is None:
             yield Paragraph(TCP_NOT_CLAIMED)

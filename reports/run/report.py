@@ -7,13 +7,13 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...words.message import message
+from ...words.message import message, offered
 from ...words.sentences import to_json
 from ...words.wording import clipped, counted
 from ..output.posterior_file import write_posterior
 from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..scenes.turnable import still_picture
-from ..style.blocks import Page, SceneBlock
+from ..style.blocks import Page
 from ..style.canvas import Picture
 from .brief_page import page_of
 from .fit_section import (
@@ -23,7 +23,7 @@ from .fit_section import (
     intervals_section,
     robust_section,
 )
-from .front import front
+from .front import shows_scene
 from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
 from .next_steps_section import next_steps_section
@@ -44,7 +44,7 @@ from .workspace import workspace_picture, workspace_section
 def report_page(result: Result) -> Page:
     """All that a report shows."""
     inputs, wrong = result.inputs, result.misfit is not None  # what follows from a wrong model is not shown
-    drawn_first = SceneBlock() in front(result, message(result))
+    drawn_first = shows_scene(result, offered(result, message(result)))
     sections = [
         diagnosis_section(result),
         None if wrong else unobservable_section(result.parameters, result.identifiability),

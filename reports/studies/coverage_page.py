@@ -127,11 +127,8 @@ def coverage_pictures(answer: CoverageStudy) -> list[Picture | None]:
     drawn: list[Picture | None] = []
     for number, plan in enumerate(answer.plans, start=1):
         # Numbered, since a plan's name may be anything.
-        title, name = (
-            f"Plan {clipped(plan.name, 40)}: intervals that contain the true value",
-            f"coverage_{number}",
-        )
-        runs = max(1, plan.data_sets)
+        title = f"Plan {clipped(plan.name, 40)}: intervals that contain the true value"
+        name, runs = f"coverage_{number}", max(1, plan.data_sets)
         drawn.append(shares_picture(plan.estimators, answer.settings.levels, runs, name, title))
         drawn.append(_ranks_picture(plan, answer.settings.draws, f"ranks_{number}"))
     return [*drawn, _accuracy_picture(answer.plans)]

@@ -230,10 +230,8 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
         tables.append(table_of(text, path, layout_of(text, **_layout(request))))
     raw = np.concatenate([_raw(table, chosen, robot) for table in tables])
     proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
-    pendant, recorded = (
-        joint_columns.pendant,
-        raw * joint_columns.per_unit,
-    )  # NaN where the unit is not stated
+    pendant = joint_columns.pendant
+    recorded = raw * joint_columns.per_unit  # NaN where the unit is not stated
     joints = joint_columns.joints(raw)
     outside = beyond_limits(robot, joints)
     units = joint_conventions.unit_reading(robot, pendant.between_links(raw))

@@ -42,6 +42,8 @@ def first_page(content: Result) -> str | None:
     """Tables and bars of the report's first page as HTML; None where the result does not state its words."""
     if content.next_steps is None or any(row.trusted is None for row in content.offsets):
         return None
+    # A file states what is offered, in place of what was computed.
+    content = replace(content, entered=content.enter, entered_geometry=content.enter_geometry)
     return fragment(front(content, read_message(content)))
 
 
