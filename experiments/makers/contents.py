@@ -19,8 +19,9 @@ from ...model.files.text_tables import (
     table_of,
     without_remarks,
 )
+from ...model.files.workbook import is_workbook, workbook_text
 from ...model.kinematics.robot import Robot
-from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, require_regular, shown
+from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, shown
 from ...model.records import it, record
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
@@ -50,7 +51,8 @@ class TableColumn:
 
 def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
     """The text of a table's first rows, whole lines, and whether that is all of it."""
-    require_regular(path)
+    if is_workbook(path):
+        return workbook_text(path), True
     size = path.stat().st_size
     if size <= most:
         return plain_rows(decode_other(read_bytes(path, LARGEST_TABLE), file=path), path), True

@@ -21,7 +21,6 @@ from ..parsing.reading import (
     LARGEST_RECORDING,
     json_rows,
     read_bytes,
-    read_other_text,
     read_yaml,
     require_schema,
     shown,
@@ -30,6 +29,7 @@ from ..parsing.validation import FileModel, Name, Vector, as_tuple, refusal, tup
 from .joint_columns import JointColumns
 from .limits import JointValues, check_limits, require_degrees, require_joint_count
 from .text_tables import layout_of, table_of
+from .workbook import table_text
 
 MOST_POSTURES = 1000
 _OF_A_FILE = ("units", "lengths", "postures_deg")
@@ -159,7 +159,7 @@ class StatedWorkspace(FileModel):
         return rows
 
     def _of_table(self, path: Path, robot: Robot) -> Sequence[Sequence[float]]:
-        text = read_other_text(path)
+        text = table_text(path)
         slides = any(joint.kind == "prismatic" for joint in robot.joints)
         for key, values, needed in (("units", "deg or rad", True), ("lengths", "mm or m", slides)):
             if needed and getattr(self, key) is None:

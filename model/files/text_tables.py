@@ -1,4 +1,4 @@
-"""Text files of rows and columns: their layout, numbers with their line, columns by name or number."""
+"""Files of rows and columns: their layout, numbers with their line, columns by name or number."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ import numpy as np
 from ..arrays import Matrix
 from ..errors import BadInput, located
 from ..kinematics.robot import Robot
-from ..parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
+from ..parsing.reading import LARGEST_TABLE, did_you_mean, shown
 from ..records import record
+from .workbook import table_text
 
 _Value = TypeVar("_Value")
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -259,7 +260,7 @@ def read_table(
     path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
 ) -> TextTable:
     """The table of a file; without `delimiter` it is found."""
-    text = plain_rows(read_other_text(path, LARGEST_TABLE), path)
+    text = plain_rows(table_text(path, LARGEST_TABLE), path)
     layout = layout_of(text, header_row=header_row, delimiter=delimiter, decimal=decimal)
     return table_of(text, path, layout, joints_of)
 
@@ -267,7 +268,7 @@ def read_table(
 def read_remarked_table(path: Path, delimiter: str | None, decimal: str) -> tuple[TextTable, list[str]]:
     """A table and its lines of remarks. The names of columns are in the first row, if no cell of it is a
     number, or in the last remark before it, if it has as many cells."""
-    text, remarks = without_remarks(plain_rows(read_other_text(path, LARGEST_TABLE), path))
+    text, remarks = without_remarks(plain_rows(table_text(path, LARGEST_TABLE), path))
     layout = layout_of(text, delimiter=delimiter, decimal=decimal)
     lines, named = text.split("\n"), layout.header_row
     first = next((i for i, line in enumerate(lines) if line.strip()), 0)

@@ -161,7 +161,7 @@ def decode(content: bytes, *, file: Path, line: int | None) -> str:
             )
         if content.startswith(_ZIP):
             raise BadInput(
-                "this is a spreadsheet (.xlsx, .ods) or another archive, not text",
+                "this is an archive (a spreadsheet such as .ods, or a zip), not text",
                 allowed="text in UTF-8",
                 remedy="save the table as CSV (Excel: CSV UTF-8)",
                 file=file,

@@ -1,6 +1,5 @@
 import contextlib
 import gc
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -321,12 +320,3 @@ def test_lists_that_say_more_than_joints_are_refused(tmp_path, read, refused):
     assert error.line == 1
     file.write_text(LISTS + "p = P:{900,0,900}{1,0,0,0}\n")
     assert "column 1 is not a number" in refused(read, [file], ["one"], CsvLayout("deg")).what
-
-
-def test_a_spreadsheet_is_named(tmp_path, read, refused):
-    file = tmp_path / "joints.xlsx"
-    with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr("xl/workbook.xml", "<workbook/>" * 50)
-    error = refused(read, [file], ["one"], CsvLayout("deg"))
-    assert "spreadsheet" in error.what
-    assert "CSV" in error.remedy
