@@ -129,11 +129,15 @@ def html(
     return template("page.html.j2").render(
         view=page,
         kind=kind,
-        pictures={name: {"picture": picture, **_drawn(picture)} for name, picture in pictures.items()},
+        pictures=_drawings(pictures),
         css=_css(turnable),
         turnable=turnable,
         attachment=base64.b64encode(data).decode() if 0 < len(data) < LARGEST_ATTACHMENT else None,
     )
+
+
+def _drawings(pictures: Mapping[str, Picture]) -> dict[str, dict[str, object]]:
+    return {name: {"picture": picture, **_drawn(picture)} for name, picture in pictures.items()}
 
 
 def _drawn(picture: Picture) -> dict[str, Markup | list[Markup]]:
@@ -161,7 +165,7 @@ def card(page: Page | None, tables: Sequence[Table]) -> str:
     )
 
 
-def fragment(blocks: Sequence[Block]) -> str:
-    """Tables, bars and paragraphs of a page as HTML for a page that has the style sheet; figures are left
-    out."""
-    return template("blocks.html.j2").render(blocks=blocks)
+def fragment(blocks: Sequence[Block], pictures: Mapping[str, Picture]) -> str:
+    """Blocks of a page as HTML for a page that has the style sheet; what is not among the `pictures` is left
+    out, as is the scene."""
+    return template("blocks.html.j2").render(blocks=blocks, pictures=_drawings(pictures))

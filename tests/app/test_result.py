@@ -65,12 +65,24 @@ def test_nothing_may_be_entered_of_what_is_not_determined(client: TestClient, th
     assert "°" not in row.replace("U > 0.2°", "")
 
 
+def test_the_motion_that_the_readings_leave_open_is_shown(client: TestClient, there: Path) -> None:
+    front = _result(client, "x-pattern/result.json")["front"]
+    assert front.count('<figure class="motion">') == 1
+    assert "both ends fit the readings equally; no position here is an estimate" in front
+    assert "<animate" in front
+    assert re.search(_FORBIDDEN, front) is None
+    assert 'class="motion"' not in _result(client)["front"]
+
+
+_FORBIDDEN = r"<(script|style)|\bstyle=|\bon\w+="  # by the page's policy
+
+
 def test_the_first_page_is_that_of_the_report(client: TestClient, there: Path) -> None:
     """Tables and bars, though read from the file; without style or script, which the page does not allow."""
     front = _result(client)["front"]
-    assert re.search(r"<(script|style)|\bstyle=|\bon\w+=", front) is None
+    assert re.search(_FORBIDDEN, front) is None
     result = zb.analyse(zb.read_run(there / "good.jsonl"), ess=100).result
-    assert _texts(front) == _texts(fragment(page_one(result, message(result))))
+    assert _texts(front) == _texts(fragment(page_one(result, message(result)), {}))
     assert "corrected reading" not in front  # of a simulated run nothing is entered
     assert "would enter" in front
     assert "TCP error, median (95 % stay below)" in front

@@ -17,6 +17,7 @@ from ....model.records import inline, record
 from ....reports.output.html import fragment
 from ....reports.run.front import front
 from ....reports.run.inputs import origin_of
+from ....reports.run.null_motion_section import null_motion_picture_of
 from ....reports.run.report import REPORT
 from ....words.message import read_message
 from ..folder import Folder
@@ -39,12 +40,14 @@ def read_result(path: Path) -> Result:
 
 
 def first_page(content: Result) -> str | None:
-    """Tables and bars of the report's first page as HTML; None where the result does not state its words."""
+    """Tables, bars and the null-space motion of the report's first page as HTML; None where the result does
+    not state its words."""
     if content.next_steps is None or any(row.trusted is None for row in content.offsets):
         return None
     # A file states what is offered, in place of what was computed.
     content = replace(content, entered=content.enter, entered_geometry=content.enter_geometry)
-    return fragment(front(content, read_message(content)))
+    motion = null_motion_picture_of(content)
+    return fragment(front(content, read_message(content)), {} if motion is None else {motion.name: motion})
 
 
 def _read(path: Path) -> Result:
@@ -76,7 +79,8 @@ class ReportFile:
 @record(kw_only=True)
 class ShownResult:
     """What a result says, its files, and the `run` of the folder that it was made of. `front`: the tables and
-    bars of the report's first page as HTML, None in results of versions that did not state their message."""
+    bars of the report's first page as HTML, with the null-space motion of a degenerate run; None in results
+    of versions that did not state their message."""
 
     file: str
     run: str | None
