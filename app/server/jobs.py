@@ -69,7 +69,7 @@ class JobWhole(JobBrief):
 
     log: Annotated[list[str], it("the last lines of standard error")]
     answer: Annotated[Any, it("the JSON that the command printed")]
-    front: Annotated[str | None, it("of an analysis: tables, bars and the null-space motion of its first page, as HTML")]
+    front: Annotated[str | None, it("of an analysis: tables, bars and null-space motion of page one, HTML")]
 
 
 class AppJob:
