@@ -23,7 +23,7 @@ def app(
         str | None, Option("Address to listen at, for other machines. Default: this one alone.")
     ] = None,
 ) -> None:
-    """Look at robots and plans in the browser, offline. Ctrl-C ends it."""
+    """Plan, measure, analyse and export in the browser, by the files of one folder. Ctrl-C ends it."""
     if any(find_spec(needed) is None for needed in ("starlette", "uvicorn")):
         raise missing_extra("the app", "app")
     from ..app.server.serve import leading_to, serve

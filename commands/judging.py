@@ -92,7 +92,7 @@ def analyse(
     if save is not None:
         if not options.drop:
             raise BadInput("--save without --drop: the run is in its file already", remedy="state --drop")
-        recorded = _saved(recorded, save)
+        recorded = recorded.saved(save)
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, options, tell)
     typed = _where_the_person_stands(analysis.result, save or run)
@@ -182,18 +182,6 @@ def _recorded(path: Path, drop: list[str] | None) -> Run:
 
     run = read_run(path)
     return run.without(run.numbers_of(drop)) if drop else run
-
-
-def _saved(run: Run, file: Path) -> Run:
-    """The run written to a new file, and read from it: the header names files relative to it."""
-    from ..model.files.robot_file import rebased
-    from ..model.files.run import read_run, write_run
-    from ..model.files.whole_file import refuse_existing
-
-    refuse_existing(file, force=False)
-    moved = rebased(run.header.robot, run.path.parent, file.parent)
-    write_run(file, run.header.model_copy(update={"robot": moved}), run.shots)
-    return read_run(file)
 
 
 def _where_the_person_stands(result: Result, path: Path) -> Result:

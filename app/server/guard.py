@@ -14,12 +14,12 @@ import secrets
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ...model.records import to_json
@@ -41,6 +41,11 @@ _HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
 }
+
+
+# What a browser shows that has no token, or that of a server that has ended.
+_CLOSED = Path(__file__).parents[1] / "page" / "closed.html"
+_CLOSED_POLICY = f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; {_ALONE}"
 
 
 def page_policy(page: bytes) -> str:
@@ -188,6 +193,9 @@ class Guard:
             return None
         if scope["path"].startswith(SHOWN):  # the end point looks at the ticket
             return None
+        if scope["method"] == "GET" and "text/html" in headers.get("accept", ""):
+            policy = {"content-security-policy": _CLOSED_POLICY}
+            return HTMLResponse(_CLOSED.read_bytes(), status_code=401, headers=policy)
         return refusal(401, "a token is needed", to_do="open the address that zerobeam app printed")
 
     def _cookies(self, scope: Scope) -> list[str]:

@@ -326,7 +326,8 @@ class Jobs:
     def _offered(self, job: AppJob, event: Mapping[str, Any]) -> Any:
         """The button of a run's message: its command as the app's folder calls the files."""
         action = Action(**event["message"]["action"])
-        return to_json(action_of_result(self.folder, action, self.folder.inside(run_file(job.command))))
+        run = self.folder.inside(run_file(job.command))
+        return to_json(action_of_result(self.folder, action, run, analysed=False))
 
     async def _log(self, job: AppJob, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""

@@ -46,7 +46,7 @@ from .from_arrays import (
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .measurements import Measurements, always
-from .robot_file import load_robot
+from .robot_file import load_robot, rebased
 from .shot import (
     Shot,
     ShotRules,
@@ -251,6 +251,13 @@ class Run(Measurements):
         made = type(self).of_shots(header, self.robot, [self.shots[i] for i in kept], name)
         # What the header names is beside the run's file.
         return replace(made, path=self.path.with_name(name), lines=tuple(self.lines[i] for i in kept))
+
+    def saved(self, file: Path) -> Run:
+        """The run written to a new file, and read from it: what its header names is stated relative to that.
+        BadInput where there is something of that name."""
+        moved = rebased(self.header.robot, self.path.parent, file.parent)
+        write_run(file, self.header.model_copy(update={"robot": moved}), self.shots)
+        return read_run(file)
 
     @property
     def _content(self) -> str:

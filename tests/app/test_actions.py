@@ -170,14 +170,15 @@ def test_a_result_offers_what_its_message_says(client: TestClient, root: Path, r
             "Plan more measurements",
             "plan",
         ),
-        ("zerobeam analyse run.jsonl", "Analyse again", "result"),
+        ("zerobeam analyse run.jsonl", "Make the report", "result"),
     ],
 )
 def test_a_command_becomes_a_button(root: Path, typed: str, label: str, then: str) -> None:
     shutil.move(root / "run.jsonl", root / "sub")
     folder = Folder(root)
     shutil.copy(root / "plan.yaml", root / "sub" / "plan.yaml")
-    offered = to_json(action_of_result(folder, Action("Do it.", typed), folder.root / "sub/run.jsonl"))
+    run = folder.root / "sub/run.jsonl"
+    offered = to_json(action_of_result(folder, Action("Do it.", typed), run, analysed=False))
     assert (offered["label"], offered["does"]["then"]) == (label, then)
     command = offered["does"]["command"]
     job_command(folder, command)
@@ -193,6 +194,31 @@ def test_what_the_app_may_not_carry_out_is_no_button(root: Path, typed: str | No
     folder = Folder(root)
     offered = action_of_result(folder, Action("Do it.", typed), folder.root / "run.jsonl")
     assert (offered.label, offered.does) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("dropped", "label", "measurements"),
+    [
+        ("4", "Leave out measurement 4", [4]),
+        ("4,7,2", "Leave out measurements 4, 7 and 2", [4, 7, 2]),
+        ("run.csv:5", None, None),
+        ("4 --save x.jsonl; rm", "Leave out measurement 4", [4]),  # nothing of it is carried out
+    ],
+)
+def test_a_misfit_is_mended_on_the_page(
+    root: Path, dropped: str, label: str | None, measurements: list[int] | None
+) -> None:
+    folder = Folder(root)
+    action = Action("Do it.", f"zerobeam analyse run.jsonl --drop {dropped}")
+    offered = to_json(action_of_result(folder, action, root / "run.jsonl"))
+    does = None if measurements is None else {"kind": "leave_out", "measurements": measurements}
+    assert (offered["label"], offered["does"]) == (label, does)
+
+
+def test_what_has_not_changed_is_not_analysed_again(root: Path) -> None:
+    folder = Folder(root)
+    action = Action("State the noise as measured, and analyse again.", "zerobeam analyse run.jsonl")
+    assert action_of_result(folder, action, root / "run.jsonl").does is None
 
 
 def test_every_format_of_a_maker_is_a_job(root: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from app_page import app, wait
+from app_page import app, root, wait
 from cells import LASER, good_plan, header, plan_of, varied_postures
 from chromium import LAPTOP, Tab, chromium
 from command_line import plan_file
@@ -286,3 +286,20 @@ def test_a_hundred_measurements_are_left_out_one_by_one_in_the_result(folder: Pa
         tab.value(f"{last}.click()")
         wait(tab, "document.querySelector('.without')?.textContent.includes('99')", 120)
         assert (tab.overflow(), [text for text in tab.console if "WebGL" not in text]) == (0, [])
+
+
+def test_a_tab_of_a_server_that_was_started_anew_says_so(folder: Path) -> None:
+    with app(folder) as first:
+        port = int(root(first.address).rstrip("/").rpartition(":")[2])
+        with chromium().opened(first.address) as tab:
+            wait(tab, "document.querySelector('main')")
+            first.process.terminate()
+            first.process.communicate(timeout=30)
+            with app(folder, port) as second:
+                fault = "document.querySelector('.fault')?.textContent ?? ''"
+                wait(tab, f"({fault}).includes('the server was started anew')", 60)
+                assert "open the address that the terminal shows" in tab.value(fault)
+                tab.on(lambda page: page.goto(root(second.address)))
+                wait(tab, "document.body.textContent.includes('Open the address that the terminal shows')")
+                tab.on(lambda page: page.goto(second.address))
+                wait(tab, "document.querySelector('main')")

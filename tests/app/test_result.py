@@ -192,6 +192,32 @@ def test_what_cannot_be_left_out_is_said(
     assert said in answer.json()["error"]["what"]
 
 
+def test_a_run_is_saved_without_measurements_as_a_new_file_that_says_so(
+    client: TestClient, there: Path
+) -> None:
+    original = (there / "good.jsonl").read_bytes()
+    answers = [client.post("/api/runs", json={"run": "good.jsonl", "without": [3, 1, 3]}) for _ in range(2)]
+    assert [answer.status_code for answer in answers] == [201, 201]
+    files = [answer.json()["file"] for answer in answers]
+    assert files == ["good-without-1-3.jsonl", "good-without-1-3-2.jsonl"]
+    whole, run = zb.read_run(there / "good.jsonl"), zb.read_run(there / files[0])
+    assert [shot.shot for shot in run.shots] == [s.shot for s in whole.shots if s.shot not in (1, 3)]
+    assert run.header.provenance["without measurements"] == "1, 3"
+    assert run.header.provenance["made of"] == f"good.jsonl (SHA-256 {whole.sha256})"
+    assert (there / "good.jsonl").read_bytes() == original
+    rows = {row["file"] for row in client.get("/api/history").json()["runs"]}
+    assert rows >= set(files)
+
+
+@pytest.mark.parametrize("without", [[], [99], [*range(8)], ["1"]])
+def test_a_run_is_not_saved_without_what_it_lacks_or_nearly_all(
+    client: TestClient, there: Path, without: list[object]
+) -> None:
+    before = sorted(there.iterdir())
+    assert client.post("/api/runs", json={"run": "good.jsonl", "without": without}).status_code == 400
+    assert sorted(there.iterdir()) == before
+
+
 def test_the_draws_are_those_of_the_posterior(client: TestClient, there: Path) -> None:
     answer = client.get("/api/posterior", params={"file": "good/posterior.nc"}).json()
     stated = {

@@ -19,6 +19,8 @@ from exact_runs import demo_runs
 import zerobeam as zb
 from zerobeam.face.in_app import AppView, app_of
 from zerobeam.model.files.run import write_run
+from zerobeam.model.records import dumps
+from zerobeam.words.sentences import to_json
 
 pytestmark = pytest.mark.browser
 
@@ -333,6 +335,36 @@ def test_a_run_gets_its_report_also_after_a_reload_is_exported_and_compared(
         tab.value(f"{button('Compare')}.click()")
         wait(tab, "document.querySelector('form .verdict .word')", 120)
         assert (folder / "arm2/comparison/compare.html").is_file()
+
+
+@pytest.mark.long
+def test_a_mistyped_joint_is_left_out_saved_reported_and_exported_by_the_page(tmp_path: Path) -> None:
+    there = tmp_path / "cells/arm"
+    there.mkdir(parents=True)
+    run = zb.read_run(next(run.path for run in demo_runs() if run.name == "good"))
+    typed = [*run.shots[3].joints_deg]
+    typed[2] += 2.0
+    shots = [*run.shots[:3], run.shots[3].model_copy(update={"joints_deg": tuple(typed)}), *run.shots[4:]]
+    write_run(there / "run.jsonl", run.header, shots)
+    found = zb.analyse(zb.read_run(there / "run.jsonl"), ess=100)
+    assert found.verdict == "misfit"
+    (there / "report").mkdir()
+    (there / "report/result.json").write_text(dumps(to_json(found.result)))
+    (there / "report/report.html").touch()
+    with app(there.parent) as server, result(server.address, "arm", "arm/report/result.json") as tab:
+        tab.value(f"{button('Leave out measurement 3')}.click()")
+        wait(tab, button("Save as a run without it"), 60)
+        assert tab.value(f"{box(3)}.checked")
+        assert "Fitted again without measurement 3: 6 of 7 are left." in tab.text
+        tab.value(f"{button('Save as a run without it')}.click()")
+        wait(tab, button("Make the report"))
+        assert "arm/run-without-3.jsonl has no report yet" in tab.text
+        tab.value(f"{button('Make the report')}.click()")
+        wait(tab, f"document.querySelector('.front') && {WORD}.startsWith('Simulated: weakly')", 180)
+        unfold(tab, "Export to a controller")
+        assert problems(tab) == []
+    made = json.loads((there / "run-without-3-report/result.json").read_text())
+    assert made["inputs"]["header"]["provenance"]["without measurements"] == "3"
 
 
 @pytest.mark.long

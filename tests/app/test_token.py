@@ -59,6 +59,17 @@ def _routes(client: TestClient) -> list[tuple[str, str]]:
     ]
 
 
+def test_a_person_without_the_token_reads_how_to_get_in(stranger: TestClient) -> None:
+    for path in ("/", "/report/plan.yaml"):
+        answer = stranger.get(path, headers={"accept": "text/html,*/*;q=0.8", "cookie": "zerobeam-8800=old"})
+        assert answer.status_code == 401
+        assert answer.headers["content-type"].startswith("text/html")
+        assert "Open the address that the terminal shows" in answer.text
+        assert "script" not in answer.headers["content-security-policy"]
+        assert TOKEN not in answer.text
+    assert "error" in stranger.get("/").json()  # to a program
+
+
 @pytest.mark.parametrize("headers", WRONG, ids=map(str, WRONG))
 @pytest.mark.one_in(3)
 def test_every_route_is_closed(stranger: TestClient, root: Path, headers: dict[str, str]) -> None:

@@ -1,19 +1,20 @@
-// What the button beside a message does: a job, postures that are applied, or a step that is opened. The server says which.
+// What the button beside a message does: a job, postures that are applied, measurements that are left out, or a step that is opened. The server says which.
 import { begin, outOf, well } from "./jobs.js";
 import { change, file, open, plan } from "./editing.js";
 import { failed, refresh } from "./store.js";
 import { calibrationOf, go, goOn, route, toJob } from "./route.js";
 
 /**
- * @typedef {{kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: number[][], targets?: string[] | null, again?: (number | null)[] | null} | {kind: "step", step: import("./route.js").Step}} Deed
+ * @typedef {{kind: "leave_out", measurements: number[]} | {kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: number[][], targets?: string[] | null, again?: (number | null)[] | null} | {kind: "step", step: import("./route.js").Step}} Deed
  * @typedef {{text: string, label: string | null, does: Deed | null}} ActionFacts
  */
 
-/** @param {Deed} deed @param {(job: import("./jobs.js").Followed) => void} begun */
-export async function doAction(deed, begun) {
+/** @param {Deed} deed @param {(job: import("./jobs.js").Followed) => void} begun @param {(measurements: number[]) => void} leaveOut */
+export async function doAction(deed, begun, leaveOut) {
   const from = route.value, { name } = from;
   if (deed.kind === "step") go(toJob(name, deed.step, deed.step === "plan" || deed.step === "cell" ? file.value : ""));
   else if (deed.kind === "postures") apply(deed);
+  else if (deed.kind === "leave_out") leaveOut(deed.measurements);
   else {
     const job = await begin(deed.command);
     begun(job);

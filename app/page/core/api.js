@@ -24,6 +24,8 @@ export class Refused extends Error {
   }
 }
 
+export const STARTED_ANEW = 401; // the token of this page is that of a server that has ended
+
 /**
  * @param {string} method
  * @param {string} path
@@ -50,6 +52,7 @@ async function asked(method, path, body, headers = {}) {
     content = await answer.json();
   } catch { /* an answer that is no JSON is said below */ }
   if (answer.ok && content !== null) return content;
+  if (answer.status === STARTED_ANEW) throw new Refused({ what: "the server was started anew", to_do: "open the address that the terminal shows; what was saved is in the folder" }, answer.status);
   throw new Refused(content?.error ?? { what: `the server answered ${answer.status}` }, answer.status, content?.current);
 }
 

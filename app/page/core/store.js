@@ -1,6 +1,6 @@
 // What the whole page shares: the folder's files and calibrations, kept up to date, and what is said of faults.
 import { computed, signal } from "@preact/signals";
-import { get, Refused } from "./api.js";
+import { get, Refused, STARTED_ANEW } from "./api.js";
 import { route } from "./route.js";
 
 /**
@@ -30,12 +30,16 @@ export const notice = signal("");
 /** The calibration that is open; null where there is none of this name. */
 export const calibration = computed(() => home.value?.calibrations.find((one) => one.name === route.value.name) ?? null);
 
-/** The file that the address names; "" where that is in the folder of another calibration: nothing is shown under another's name. */
-export const addressed = computed(() => {
-  const { file, name } = route.value, names = [name, ...(home.value?.calibrations ?? []).map((one) => one.name)];
-  const owners = names.filter((one) => one === "." || file.startsWith(`${one}/`)).sort((a, b) => b.length - a.length); // the innermost folder
-  return (owners[0] ?? ".") === name ? file : "";
-});
+/** The calibration that a file is of: the one that lists it, else the innermost folder of one that is known or open. @param {string} file */
+export function ownerOf(file) {
+  const known = home.value?.calibrations ?? [], listing = known.find((one) => Object.values(one.files).some((names) => names.includes(file)));
+  if (listing) return listing.name;
+  const around = [route.value.name, ...known.map((one) => one.name)].filter((one) => one === "." || file.startsWith(`${one}/`));
+  return around.sort((a, b) => b.length - a.length)[0] ?? ".";
+}
+
+/** The file that the address names; "" where that is of another calibration: nothing is shown under another's name. */
+export const addressed = computed(() => (ownerOf(route.value.file) === route.value.name ? route.value.file : ""));
 
 /** @param {unknown} error */
 export function failed(error) {
@@ -112,6 +116,7 @@ export async function begin() {
         }
       } catch (error) {
         if (!(error instanceof Refused)) throw error;
+        if (error.status === STARTED_ANEW) { fault.value = error.text; return; } // nothing of it is answered any more
       }
     }
     setTimeout(look, EVERY_MS);

@@ -11,14 +11,14 @@ import { JobProgress } from "./JobProgress.js";
  */
 
 /**
- * @param {{verdict: string, message: MessageFacts, action?: ActionFacts | null, simulated?: boolean, pending?: boolean, children?: unknown}} props
+ * @param {{verdict: string, message: MessageFacts, action?: ActionFacts | null, simulated?: boolean, pending?: boolean, leaveOut?: (measurements: number[]) => void, children?: unknown}} props
  */
-export function Message({ verdict, message, action = null, simulated = false, pending = false, children = null }) {
+export function Message({ verdict, message, action = null, simulated = false, pending = false, leaveOut = () => {}, children = null }) {
   const { cause, worst, cautions } = message;
   /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
   const job = useSignal(null);
   const act = () => attempt(async () => {
-    if (action?.does) await doAction(action.does, (begun) => { job.value = begun; });
+    if (action?.does) await doAction(action.does, (begun) => { job.value = begun; }, leaveOut);
   });
   return html`
     <section class=${`message verdict ${message.grade ?? verdict}${pending ? " pending" : ""}`} aria-label="Verdict" aria-busy=${pending}>

@@ -1,7 +1,7 @@
 // The measurements of a result: each can be left out of a new fit; what chosen draws do to their residuals.
 import { html } from "htm/preact";
 import { fixed } from "../core/words.js";
-import { brushed, leaveNoneOut, leaveOut, out, showShift, single } from "./state.js";
+import { brushed, leaveOut, leaveOutThese, out, showShift, single } from "./state.js";
 
 const CLEAR = 0.05; // a change of a normalised residual that is shown in colour
 const number = (/** @type {number | null} */ value, /** @type {number} */ digits) => (value === null ? "—" : fixed(value, digits));
@@ -12,7 +12,7 @@ export function Measurements({ found }) {
   return html`
     <div class="measurements">
       <div class="bar"><h2>Measurements</h2>
-        <button type="button" disabled=${!out.value.length} onClick=${leaveNoneOut}>Leave none out</button>
+        <button type="button" disabled=${!out.value.length} onClick=${() => leaveOutThese([])}>Leave none out</button>
         <span class="muted">${found.shots.length < found.inputs.shots ? `The ${found.shots.length} of ${found.inputs.shots} measurements with the largest residuals. ` : ""}Numbers as in the run file and the report. A measurement that is left out is left out of a new fit at once; “Shift” shows the arrow of one alone in the posterior.</span>
       </div>
       <div class="scroll" tabindex="0" role="region" aria-label="Measurements"><table>

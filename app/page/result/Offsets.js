@@ -1,9 +1,11 @@
 // The first page of the report, and the offsets: with their expanded uncertainty and status, beside them what a fit without some measurements says.
 import { html } from "htm/preact";
+import { goOn, route, toJob } from "../core/route.js";
+import { attempt } from "../core/store.js";
 import { capital, fixed, marked, named, sentence, SHAPES, WORDS } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
 import { estimateOf, expandedOf } from "./numbers.js";
-import { refitFault, refitted, shift, single } from "./state.js";
+import { refitFault, refitted, saveWithout, shift, single } from "./state.js";
 
 /** @typedef {import("./types.js").Found} Found */
 
@@ -56,11 +58,17 @@ function Without({ found }) {
   if (found.run === null) return html`<p class="muted">The run of this result is not in the folder: nothing can be left out.</p>`;
   if (refitFault.value) return html`<p class="error" role="alert">${refitFault.value}</p>`;
   if (again === null) return alone === null ? null : html`<p class="muted" role="status">Arrow: the estimates without measurement ${single.value}.${alone.lost.length > 0 && ` Without it no longer determined: ${alone.lost.map(named).join(", ")}.`}</p>`;
+  const { run } = found, save = () => attempt(async () => {
+    const from = route.value, file = await saveWithout(run, again.without);
+    goOn(from, toJob(from.name, "result", file));
+  });
   return html`
     <div class=${`without verdict ${again.verdict}`} role="status">
       <p>Fitted again without measurement${again.without.length === 1 ? "" : "s"} ${again.without.join(", ")}: ${again.measurements} of ${again.of} are left.${again.lost.length > 0 && ` Without them no longer determined: ${again.lost.map(named).join(", ")}.`}</p>
       <p><b class="word">${WORDS[again.verdict]}.</b> ${capital(named(again.headline))}</p>
       ${again.misfit.length > 0 && html`<ul>${again.misfit.map((one) => html`<li>${sentence(one)}</li>`)}</ul>`}
       ${again.null_space.map((one) => html`<p>Why: ${sentence(one.reason)} To do: ${sentence(one.remedy)}</p>`)}
+      <button type="button" onClick=${save}>Save as a run without ${again.without.length === 1 ? "it" : "them"}</button>
+      <small class="muted">A new file beside the run, which says what was left out; then its report.</small>
     </div>`;
 }

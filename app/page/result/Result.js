@@ -2,7 +2,7 @@
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { go, route, toJob } from "../core/route.js";
-import { addressed, attempt, calibration, files } from "../core/store.js";
+import { addressed, attempt, calibration, files, ownerOf } from "../core/store.js";
 import { named, sentence, WORDS } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
@@ -18,13 +18,13 @@ import { Front, Offsets, Steps } from "./Offsets.js";
 import { Pairs } from "./Pairs.js";
 import { Picture } from "./Picture.js";
 import { MyPrograms } from "./MyPrograms.js";
-import { bareRun, failure, history, loadHistory, open, show, shown } from "./state.js";
+import { bareRun, failure, history, leaveOutThese, loadHistory, open, show, shown } from "./state.js";
 
 /** @typedef {import("./types.js").Found} Found */
 
 /** The file that the address names, else the newest of the calibration: of a run its newest result, if there is one. */
 function useAddressed() {
-  const { name } = route.value, file = addressed.value, known = calibration.value, own = known?.state.file ?? "";
+  const file = addressed.value, known = calibration.value, own = known?.state.file ?? "";
   const ours = known ? [...known.files.result, ...known.files.run] : [];
   const wanted = file || (ours.includes(own) ? own : ours[0] ?? ""), isRun = files.value.find((one) => one.path === wanted)?.kind === "run";
   const made = isRun ? history.value?.runs.find((one) => one.file === wanted)?.results.find((one) => !one.error)?.file : undefined;
@@ -32,7 +32,7 @@ function useAddressed() {
   useEffect(() => { attempt(loadHistory); }, [version]);
   useEffect(() => {
     if (!wanted || !ready) return;
-    if (made) { go(toJob(name, "result", made), { replace: true }); return; }
+    if (made) { go(toJob(ownerOf(made), "result", made), { replace: true }); return; }
     show(wanted, isRun);
   }, [wanted, isRun, made, ready]);
   return wanted;
@@ -94,7 +94,7 @@ export function Result() {
   if (found === null) return bareRun.value ? html`<div class="alone"><${Others} /><${Bare} key=${bareRun.value} run=${bareRun.value} analysed=${false} /></div>` : html`<p class="muted centred" role="status">…</p>`;
   return html`
     <${Workspace} name="Result"
-      message=${found.message ? html`<${Message} verdict=${found.verdict} message=${found.message} action=${found.action ?? null} simulated=${isSimulated(found)} />` : html`<${Headline} found=${found} />`}
+      message=${found.message ? html`<${Message} verdict=${found.verdict} message=${found.message} action=${found.action ?? null} simulated=${isSimulated(found)} leaveOut=${leaveOutThese} />` : html`<${Headline} found=${found} />`}
       scene=${html`<${Picture} key=${found.file || found.run} found=${found} />`}
       inspector=${html`<${Inspector} key=${found.file || found.run} found=${found} />`}
       drawer=${html`<${Measurements} key=${found.file || found.run} found=${found} />`} />`;

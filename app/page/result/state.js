@@ -1,7 +1,7 @@
 // The result that is open, and what is done with it: measurements left out, draws chosen.
 import { batch, signal } from "@preact/signals";
 import { get, getFile, latest, post, Refused } from "../core/api.js";
-import { say } from "../core/store.js";
+import { refresh, say } from "../core/store.js";
 import { named } from "../core/words.js";
 
 /** @typedef {import("./types.js").Found} Found */
@@ -142,17 +142,21 @@ function change() {
   refit();
 }
 
-/** @param {number} shot @param {boolean} on */
-export function leaveOut(shot, on) {
-  out.value = [...out.value.filter((other) => other !== shot), ...(on ? [shot] : [])].sort((a, b) => a - b);
+/** Leaves these measurements out, and no others. @param {number[]} shots */
+export function leaveOutThese(shots) {
+  out.value = [...shots].sort((a, b) => a - b);
   single.value = null;
   change();
 }
 
-export function leaveNoneOut() {
-  out.value = [];
-  single.value = null;
-  change();
+/** @param {number} shot @param {boolean} on */
+export const leaveOut = (shot, on) => leaveOutThese([...out.value.filter((other) => other !== shot), ...(on ? [shot] : [])]);
+
+/** Writes the run without what is left out as a new file. @param {string} run @param {number[]} without @returns {Promise<string>} the file */
+export async function saveWithout(run, without) {
+  const { file } = await post("/api/runs", { run, without });
+  await Promise.all([refresh(), loadHistory()]);
+  return file;
 }
 
 /** @param {number | null} shot */

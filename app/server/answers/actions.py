@@ -13,6 +13,7 @@ from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
 from ....model.records import it, record
 from ....words.plan_catalogue import tried_change
+from ....words.wording import listed
 from ..folder import Folder
 from ..job_commands import job_command
 
@@ -43,6 +44,14 @@ class DoesPostures:
 
 
 @record(kw_only=True)
+class DoesLeaveOut:
+    """The button leaves measurements out: the page shows the fit without them, and saves the run so."""
+
+    kind: Literal["leave_out"] = "leave_out"
+    measurements: list[int]
+
+
+@record(kw_only=True)
 class DoesStep:
     """The button leads to another step of the calibration."""
 
@@ -56,7 +65,7 @@ class OfferedAction:
 
     text: str
     label: Annotated[str | None, it("of the button; null where the page can do nothing")]
-    does: DoesJob | DoesPostures | DoesStep | None
+    does: DoesJob | DoesPostures | DoesLeaveOut | DoesStep | None
 
 
 def action_of_plan(check: Check, action: Action) -> OfferedAction:
@@ -103,28 +112,42 @@ def _postures(rows: list[list[float]], targets: list[str], again: list[int | Non
     )
 
 
-def action_of_result(folder: Folder, action: Action, run: Path | None) -> OfferedAction:
-    """Of a result: the command of its message, where the app may carry it out on its run."""
-    command = _command(folder, action, run)
-    if command is None:
+def action_of_result(
+    folder: Folder, action: Action, run: Path | None, *, analysed: bool = True
+) -> OfferedAction:
+    """Of a result: the command of its message, where the app may carry it out on its run. One that was
+    `analysed` is not analysed again as it is: nothing has changed."""
+    words = [] if action.command is None or run is None else shlex.split(action.command)[1:]
+    if dropped := _dropped(words):
+        noun = "measurement" if len(dropped) == 1 else "measurements"
+        does = DoesLeaveOut(measurements=list(map(int, dropped)))
+        return OfferedAction(text=action.text, label=f"Leave out {noun} {listed(dropped)}", does=does)
+    again = analysed and words[:1] == ["analyse"]
+    made = None if run is None or again else _command(folder, words, run)
+    if made is None:
         return OfferedAction(text=action.text, label=None, does=None)
-    label, then = _label(command)
-    return OfferedAction(text=action.text, label=label, does=DoesJob(command=command, then=then))
+    label, then = _label(made)
+    return OfferedAction(text=action.text, label=label, does=DoesJob(command=made, then=then))
 
 
-def _command(folder: Folder, action: Action, run: Path | None) -> list[str] | None:
+def _dropped(words: Sequence[str]) -> list[str]:
+    """The measurements without which a command analyses."""
+    if words[:1] != ["analyse"] or "--drop" not in words[:-1]:
+        return []
+    numbers = words[words.index("--drop") + 1].split(",")
+    return numbers if all(text.isdecimal() and len(text) < 10 for text in numbers) else []
+
+
+def _command(folder: Folder, words: Sequence[str], run: Path) -> list[str] | None:
     """The command with the run as it is called in the folder, and new files beside it."""
-    if action.command is None or run is None:
-        return None
-    words = shlex.split(action.command)[1:]
     if words[:1] == ["analyse"]:  # what a page shows is a report
-        words = ["report", *words[1:], f"--out={_free(folder, run.with_name('report'))}"]
+        words = ["report", *words[1:], f"--out={folder.called(folder.free(run.with_name('report')))}"]
     called, made = folder.called(run), list[str]()
     for i, word in enumerate(words):
         if word == run.name or (i > 0 and words[i - 1] == "--header"):
             made.append(called)
         elif i > 0 and words[i - 1] == "-o":
-            made.append(_free(folder, run.with_name(word)))
+            made.append(folder.called(folder.free(run.with_name(word))))
         else:
             made.append(word)
     try:
@@ -132,15 +155,6 @@ def _command(folder: Folder, action: Action, run: Path | None) -> list[str] | No
     except BadInput:
         return None
     return made
-
-
-def _free(folder: Folder, path: Path) -> str:
-    """A name that is not taken, as the folder calls it."""
-    number, free = 1, path
-    while free.exists() or free.is_symlink():
-        number += 1
-        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
-    return folder.called(free)
 
 
 def _label(command: Sequence[str]) -> tuple[str, Literal["plan", "result", "file"]]:
@@ -153,4 +167,4 @@ def _label(command: Sequence[str]) -> tuple[str, Literal["plan", "result", "file
         return f"Export for the {maker.name} controller", "file"
     if command[0] == "plan":
         return ("Plan a verification" if command[1] == "verify" else "Plan more measurements"), "plan"
-    return "Analyse again", "result"
+    return "Make the report", "result"

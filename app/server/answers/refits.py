@@ -1,10 +1,10 @@
-"""A run fitted again without some of its measurements, by what `analyse` fits with."""
+"""A run without some of its measurements: fitted again by what `analyse` fits with, or written as another."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import BeforeValidator, Field
@@ -16,6 +16,7 @@ from ....analysis.ladder import solve_run
 from ....analysis.observability.causes import NullDirection
 from ....analysis.solution import ParameterResult, Solution, judge, require_noise_data
 from ....analysis.status import Verdict, known
+from ....model.arrays import Index
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.likelihood.problem import Problem
@@ -26,8 +27,10 @@ from ....words.misfit_words import criterion_sentence
 from ..folder import Folder
 from ..kept import Kept
 from ..requests import Refused, end_point
+from ..versions import Versioned, version_of
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
+_MOST_NAMED = 5  # measurements, in the name of a file
 
 
 @dataclass(frozen=True)
@@ -133,10 +136,42 @@ def refit(
     )
 
 
-def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
-    numbers = np.array(fitted_run.problem.shot_numbers)
+@record(kw_only=True)
+class MadeRun(Versioned):
+    """A run file that was made of another one."""
+
+    file: str
+
+
+@end_point(
+    "POST /api/runs", "Writes a run without some measurements beside it: a new file that says so.", status=201
+)
+def save_without(
+    folder: Folder,
+    run: Annotated[str, it("a run file below the folder")],
+    without: Annotated[
+        tuple[int, ...],
+        BeforeValidator(as_tuple),
+        it("numbers of the measurements to leave out"),
+        Field(min_length=1, max_length=MOST_MEASUREMENTS),
+    ],
+) -> MadeRun:
+    """Write the run `without` some measurements; its provenance says which, and of what run."""
+    path = folder.file(run)
+    recorded = read_run(path)
+    _left(tuple(shot.shot for shot in recorded.shots), without)
+    numbers = sorted(set(without))
+    named = "-".join(map(str, numbers[:_MOST_NAMED])) + ("-and-more" if len(numbers) > _MOST_NAMED else "")
+    file = folder.free(path.with_name(f"{path.stem}-without-{named}{path.suffix}"))
+    recorded.without(numbers).saved(file)
+    return MadeRun(file=folder.called(file), version=version_of(file))
+
+
+def _left(numbers: tuple[int, ...], without: tuple[int, ...]) -> Index:
+    """Which measurements, of these `numbers`, are left; Refused for a number that none has, BadInput where so
+    few are left that nothing can be determined."""
     for k, number in enumerate(without):
-        if number not in fitted_run.problem.shot_numbers:
+        if number not in numbers:
             error = Refused("the run has no measurement of this number", found=number)
             error.key = ("without", k)
             raise error
@@ -148,6 +183,11 @@ def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
             allowed="at least 2",
             remedy="leave out fewer",
         )
+    return left
+
+
+def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
+    left = _left(fitted_run.problem.shot_numbers, without)
     if fitted_run.run.header.arm is None:
         selected = _selected(fitted_run.problem, left)
         require_noise_data(selected)
@@ -159,7 +199,7 @@ def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
     return judge(fit if factors is None else with_open_factors(fit, factors))
 
 
-def _selected(problem: Problem, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Problem:
+def _selected(problem: Problem, rows: Index) -> Problem:
     """The problem with some of its measurements; a target that has none left goes with them."""
     selected = problem.select(rows)
     kept = {selected.targets[k] for k in selected.target_index.tolist()}
