@@ -208,7 +208,8 @@ def _points(marked: Sequence[tuple[Reader, FormatMark]], text: str, path: Path) 
     """The positions of a text, of the first of the formats that it may have. Those of a plan's program are
     not chosen: it says itself which are measurements."""
     reader, mark = marked[0]
-    points = mark.points(text, path)
+    written = mark.points(text, path)
+    points = [point for point in written if not point.left_out]
     taught = sum(point.joints is not None for point in points)
     count = f"{len(points)} points, {taught} with joint values"
     is_plan = any(POSTURE.fullmatch(point.name) for point in points)

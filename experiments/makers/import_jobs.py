@@ -18,7 +18,7 @@ from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput, located
 from ...model.files.header import Header, check_header
 from ...model.files.header_file import read_header
-from ...model.files.limits import check_limits, require_degrees, require_joint_count
+from ...model.files.limits import check_limits, require_degrees
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import (
@@ -31,9 +31,8 @@ from ...model.files.shot import (
     target_names,
     unknown_targets,
 )
-from ...model.kinematics.pendant import pendant_of
-from ...model.kinematics.robot import J3, Robot
-from ...model.parsing.reading import KeyPath, read_other_text, read_yaml, real_path, unknown_name
+from ...model.kinematics.robot import Robot
+from ...model.parsing.reading import KeyPath, read_yaml, real_path
 from ...model.parsing.validation import validate
 
 
@@ -412,86 +411,6 @@ def _ranges_told(robot: Robot, joints: Matrix) -> list[str]:
         f"limits {joint.lower * joint.display:.2f} to {joint.upper * joint.display:.2f}"
         for i, joint in enumerate(robot.joints)
     ]
-
-
-class TaughtPoint(NamedTuple):
-    """A point of the file: degrees (mm if prismatic), or None where it is Cartesian or was not taught.
-
-    `number` is that of the posture of a plan, where a program of zerobeam recorded the point. `unread` says
-    why it is not understood; `external`: it has other axes besides that are not at 0.
-    """
-
-    name: str
-    joints: tuple[float, ...] | None
-    line: int
-    number: int | None = None
-    unread: str = ""
-    external: bool = False
-
-
-def import_points(
-    job: ImportJob,
-    parse: Callable[[str, Path], list[TaughtPoint]],
-    *,
-    names: Sequence[str] | None,
-    j3: J3 | None = None,
-    vendor: str | None = None,
-    note: str,
-) -> Imported:
-    """Measurements at the points of files, as `parse` (text, path) reads them; `names` selects some.
-
-    `j3` says what joint 3 is counted from, by default the robot file, which must for arms of some makers
-    (`vendor`, if the robot file names none). BadInput for a point without joint values.
-    """
-    pendant = pendant_of(job.robot, j3, vendor)
-
-    def read(path: Path, target: str | None) -> FileMeasurements:
-        points = _chosen(parse(read_other_text(path), path), names)
-        joints = pendant.between_links(np.array([_joints(point, job.robot) for point in points]))
-        notes = [f"  points in their order: {', '.join(point.name for point in points)}"]
-        if external := [point.name for point in points if point.external]:
-            notes.append(
-                f"  note: external axes are not at 0 in {', '.join(external)}, and are ignored: they must"
-                " carry neither the arm nor the target"
-            )
-        numbers = [point.number for point in points]
-        keys = {"target": [target] * len(points), "shot": None if None in numbers else numbers}
-        return FileMeasurements(path, "point", joints, keys, [point.line for point in points], notes)
-
-    return job.measured(read, [note, pendant.counting])
-
-
-def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None) -> list[TaughtPoint]:
-    known = [point.name for point in points]
-    if not points:
-        raise BadInput("no measurements found: the file has no points")
-    if names is None:
-        return list(points)
-    for name in names:
-        if name not in known:
-            raise unknown_name("there is no point of this name", name, known)
-    return [points[known.index(name)] for name in dict.fromkeys(names)]
-
-
-def _joints(point: TaughtPoint, robot: Robot) -> tuple[float, ...]:
-    if point.unread:
-        raise BadInput(
-            f"point {point.name} cannot be read",
-            found=point.unread,
-            remedy="save the file as text again, or name the points to use (--points)",
-            line=point.line,
-        )
-    if point.joints is None:
-        raise BadInput(
-            f"point {point.name} has no joint values",
-            found="a Cartesian position, or one that was not taught",
-            allowed="joint values: the configuration of the arm is not guessed",
-            remedy="show it as joints on the controller and save again, or name the points to use (--points)",
-            line=point.line,
-        )
-    joints = without_unused(point.joints, robot)
-    require_joint_count(joints, robot, f"point {point.name}", None, point.line)
-    return joints
 
 
 def without_unused(joints: tuple[float, ...], robot: Robot) -> tuple[float, ...]:

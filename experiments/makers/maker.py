@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from ...model.files.robot_file import Vendor
     from ...model.files.run import Run
     from ...model.kinematics.robot import Robot
-    from .import_jobs import Imported, TaughtPoint
+    from .import_jobs import Imported
+    from .taught_format import TaughtPoint
 
 # What a kind of file has room for: values for nominal geometry, the offsets and links of the arm, these and
 # what depends on the posture, or every parameter as data.

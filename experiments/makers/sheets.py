@@ -60,9 +60,8 @@ def sheet_text(
             allowed=f"at most {_MOST:g} deg",
             remedy="compare joint columns, signs and zeros of the run with the pendant",
         )
-    blocks = filled(
-        folder_of(vendor) / "sheet.j2", {"offsets": calibration.offsets, "pendant": pendant, **values}
-    )
+    values |= {"offsets": calibration.offsets, "pendant": pendant, "robot": robot}
+    blocks = filled(folder_of(vendor) / "sheet.j2", values)
     about, table = (block.splitlines() for block in blocks)
     (text,) = filled(
         Path(__file__).with_name("sheet.j2"),

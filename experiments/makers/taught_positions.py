@@ -4,34 +4,47 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.errors import BadInput, located
+from ...model.files.limits import require_joint_count
 from ...model.files.plan import Plan
-from ...model.kinematics.pendant import Pendant
+from ...model.kinematics.pendant import Pendant, pendant_of
+from ...model.kinematics.robot import J3, Robot
+from ...model.parsing.reading import read_other_text, unknown_name
+from ..positions.joint_lists import JOINT_LIST, SLIM, TMSCRIPT
 from ..positions.position import BackupReading, JointLanguage, SourceFile, TaughtPosition
-from .import_jobs import Imported, ImportJob, TaughtPoint, import_points
-from .joint_text import require_same_plan, required_plan
+from ..positions.position_languages import LANGUAGES
+from .import_jobs import FileMeasurements, Imported, ImportJob, without_unused
+from .joint_text import PLAN_LINE, require_same_plan, required_plan
+from .taught_format import TaughtFormat, TaughtPoint
 
 # Of a plan's program: planned, measured, via.
 POSTURE = re.compile(r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE)
-Named = Callable[[str, list[TaughtPoint]], list[TaughtPoint]]
+_LANGUAGES: dict[str, JointLanguage] = {one.name: one for one in (*LANGUAGES, SLIM, TMSCRIPT, JOINT_LIST)}
+_UNITS = {"deg": "degrees", "rad": "radians", "pulse": "pulses by pulses_per_deg of the robot file"}
+_COMPUTED, _NAMELESS = "computed when the program runs", "in motions, without names"
+_MOST_NAMED = 10
+
+
+# From a pose to its joints, degrees as the controller counts them; None: it is not used.
+Posed = Callable[[TaughtPosition], tuple[float, ...] | None]
 
 
 def written_points(
-    language: JointLanguage,
-    text: str,
-    path: Path,
-    posed: Callable[[TaughtPosition], tuple[float, ...] | None] = lambda one: None,
+    taught: TaughtFormat, text: str, path: Path, posed: Posed = lambda one: None
 ) -> list[TaughtPoint]:
-    """All positions of a program, in its order: those that have a name, and those in motions ("line 12").
+    """All positions of a program, in its order: those that have a name, and those in motions ("line 12"), as
+    people call them; then those that the program computes, which are left out.
 
     Joints are in the unit of the language; a pose has those that `posed` gives. BadInput where the text is
     not whole.
     """
+    language = _LANGUAGES[taught.language]
     name = path.name if path.suffix.lower() in language.endings else f"{path.name}{language.endings[0]}"
     reading = BackupReading([SourceFile(name, text, language.remark)])
     language.read(reading)
@@ -46,7 +59,14 @@ def written_points(
             raise BadInput(line.sentence, remedy="save it as text again", file=path, line=line.line)
         if line.unread is not None:
             points.append(TaughtPoint(line.unread, None, line.line, unread=line.sentence))
-    return sorted(points, key=lambda point: point.line)
+    points = taught.named(text, sorted(points, key=lambda point: point.line))
+    if taught.declared:
+        points = [
+            point._replace(left_out=_NAMELESS) if point.name.startswith("line ") else point
+            for point in points
+        ]
+    computed = sorted(dict(reading.computed()).items())
+    return [*points, *(TaughtPoint(label, None, line, left_out=_COMPUTED) for line, label in computed)]
 
 
 def named_by_remarks(
@@ -74,20 +94,22 @@ def named_by_remarks(
 
 
 def import_taught(
-    language: JointLanguage,
+    taught: TaughtFormat,
     job: ImportJob,
     *,
     points: Sequence[str] | None,
-    digits: int,
-    named: Named,
+    j3: J3 | None = None,
+    posed: Posed = lambda one: None,
+    note: str = "",
 ) -> Imported:
     """Measurements at the positions of programs that were taught, or of a plan's program: what it recorded
     (zb_m0, zb_m1, …), or its postures (zb_p0, …) where they were taught again with the beam on the target.
 
-    `digits` are the decimals of joints that the controller saves, `named` gives the positions of a text these
-    names, in a language whose positions have numbers. Postures that are still as the plan has them are left
-    out; BadInput for the program of another plan.
+    `points` are the names of those to use, `j3` says what joint 3 is counted from, `posed` gives the joints
+    of poses, as `note` says. Postures that are still as the plan has them are left out; BadInput for the
+    program of another plan.
     """
+    language = _LANGUAGES[taught.language]
 
     def in_degrees(point: TaughtPoint, per_degree: Matrix) -> TaughtPoint:
         if point.joints is None:
@@ -102,13 +124,17 @@ def import_taught(
                 with located(path, number):
                     require_same_plan(content, job)
         per_degree = Pendant(job.robot).per_degree(language.unit)
-        digit = 10.0**-digits / np.abs(per_degree)
-        read = named(text, written_points(language, text, path))
-        taught = [in_degrees(point, per_degree) for point in read]
-        ours = [(point, match) for point in taught if (match := POSTURE.fullmatch(point.name))]
-        if points is not None or not ours:
-            return taught
+        written = [in_degrees(point, per_degree) for point in written_points(taught, text, path, posed)]
+        if points is not None:
+            return written
+        written = taught.recorded(text, written)
+        ours = [(point, match) for point in written if (match := POSTURE.fullmatch(point.name))]
+        numbered = any(point.number is not None for point in written)
+        if numbered or not (ours or (written and PLAN_LINE.search(text))):
+            return written
         plan = required_plan(job, path)
+        if not ours:
+            return written
         recorded = "m" if any(match[1] in "mM" for _, match in ours) else "p"
         numbers = {int(match[2]) for _, match in ours if match[1].lower() == recorded}
         missing = set(range(len(plan.postures))) - numbers
@@ -118,6 +144,7 @@ def import_taught(
                 found=f"no zb_{recorded}{min(missing)}",
                 remedy="save or copy the whole file again; or name the positions to use (--points)",
             )
+        digit = 10.0**-taught.digits / np.abs(per_degree)
         measured = [
             point._replace(number=int(match[2]))
             for point, match in ours
@@ -132,11 +159,9 @@ def import_taught(
             )
         return measured
 
-    note = f"{language.name}: positions in joints, {_UNITS[language.unit]}, joint 1 first"
-    return import_points(job, parse, names=points, vendor=language.vendor, note=note)
-
-
-_UNITS = {"deg": "degrees", "rad": "radians", "pulse": "pulses by pulses_per_deg of the robot file"}
+    usual = f"{language.name}: positions in joints, {_UNITS[language.unit]}, joint 1 first"
+    how = (taught.note or usual) + note
+    return import_points(job, parse, names=points, j3=j3, vendor=language.vendor, note=how)
 
 
 def _as_planned(digit: Matrix, plan: Plan, point: TaughtPoint, number: int) -> bool:
@@ -149,3 +174,91 @@ def _as_planned(digit: Matrix, plan: Plan, point: TaughtPoint, number: int) -> b
     pendant = Pendant(plan.robot)
     planned = pendant.counted(plan.postures[number] * plan.robot.display)
     return bool((np.abs(np.array(point.joints[: plan.robot.n]) - planned) <= digit).all())
+
+
+# Points of files
+
+
+def import_points(
+    job: ImportJob,
+    parse: Callable[[str, Path], Sequence[TaughtPoint]],
+    *,
+    names: Sequence[str] | None,
+    j3: J3 | None = None,
+    vendor: str | None = None,
+    note: str,
+) -> Imported:
+    """Measurements at the points of files, as `parse` (text, path) reads them; `names` selects some.
+
+    `j3` says what joint 3 is counted from, by default the robot file, which must for arms of some makers
+    (`vendor`, if the robot file names none). BadInput for a point without joint values.
+    """
+    pendant = pendant_of(job.robot, j3, vendor)
+
+    def read(path: Path, target: str | None) -> FileMeasurements:
+        written = parse(read_other_text(path), path)
+        points = _chosen(written, names)
+        joints = pendant.between_links(np.array([_joints(point, job.robot) for point in points]))
+        notes = [f"  points in their order: {', '.join(point.name for point in points)}"]
+        if job.plan is None and names is None:
+            notes += _left_out(written)
+        if external := [point.name for point in points if point.external]:
+            notes.append(
+                f"  note: external axes are not at 0 in {', '.join(external)}, and are ignored: they must"
+                " carry neither the arm nor the target"
+            )
+        numbers = [point.number for point in points]
+        keys = {"target": [target] * len(points), "shot": None if None in numbers else numbers}
+        return FileMeasurements(path, "point", joints, keys, [point.line for point in points], notes)
+
+    return job.measured(read, [note, pendant.counting])
+
+
+def _left_out(points: Sequence[TaughtPoint]) -> list[str]:
+    """A sentence for each reason why points are no measurements: nothing is left out in silence."""
+    sentences = []
+    for why, some in groupby(sorted(points, key=lambda point: point.left_out), lambda point: point.left_out):
+        called = [
+            f"line {point.line}" + ("" if point.name.startswith("line ") else f" ({point.name})")
+            for point in some
+            if why
+        ]
+        more = f" and {len(called) - _MOST_NAMED} more" if len(called) > _MOST_NAMED else ""
+        if called:
+            sentences.append(f"  note: left out, {why}: {', '.join(called[:_MOST_NAMED])}{more}")
+    return sentences
+
+
+def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None) -> list[TaughtPoint]:
+    taught = [point for point in points if not point.left_out]
+    if names is None:
+        if not taught:
+            notes = "; ".join(_left_out(points)) or None
+            raise BadInput("no measurements found: the file has no points", found=notes)
+        return taught
+    by_name = {point.name: point for point in (*reversed(points), *reversed(taught))}
+    for name in names:
+        if name not in by_name:
+            raise unknown_name("there is no point of this name", name, [point.name for point in points])
+    return [by_name[name] for name in dict.fromkeys(names)]
+
+
+def _joints(point: TaughtPoint, robot: Robot) -> tuple[float, ...]:
+    if point.unread:
+        raise BadInput(
+            f"point {point.name} cannot be read",
+            found=point.unread,
+            remedy="save the file as text again, or name the points to use (--points)",
+            line=point.line,
+        )
+    if point.joints is None:
+        raise BadInput(
+            f"point {point.name} has no joint values",
+            found=point.left_out or "a Cartesian position, or one that was not taught",
+            allowed="joint values: the configuration of the arm is not guessed",
+            remedy="show it as joints on the controller and save again, or name the points to use (--points)",
+            line=point.line,
+        )
+    joints = without_unused(point.joints, robot)
+    require_joint_count(joints, robot, f"point {point.name}", None, point.line)
+    return joints

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from .position import NUMBER, BackupReading, What, arguments_of
-from .script import Arguments, Script
+from .script import Lines, Script
 
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*\s*,?\s*"
 _TCP = re.compile(r"\bset_tcp\s*\(\s*([\"'])?")
@@ -18,7 +18,7 @@ def read_drl(reading: BackupReading) -> None:
     """Each program has variables of its own."""
     for file in reading.files:
         program = DrlProgram(file, reading)
-        program.prepare()
+        program.scan()
         program.run()
 
 
@@ -47,7 +47,7 @@ class DrlProgram(Script):
     def takes_joints(self, move: re.Match[str]) -> bool:
         return move["kind"] in ("j", "sj")
 
-    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+    def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
         goals = []
         for at, text in arguments:
             key = _KEY.match(text)
@@ -64,7 +64,7 @@ class DrlProgram(Script):
             self.doubt(pos, "elsewhere", "move_home: home is stored in the controller")
         super().other(pos, text)
 
-    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+    def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
         goals = self.goals_of(move, arguments)
         words = {key[1]: text[key.end() :].strip() for _, text in arguments if (key := _KEY.match(text))}
         bare = [text for _, text in arguments if text.startswith("DR_")]
@@ -74,14 +74,14 @@ class DrlProgram(Script):
         if mod in ("DR_MV_MOD_REL", "1"):
             by = goals[0][1] if goals else ""
             if self.joints:  # it ends by as much further as it begins
-                self.reading.added |= set(self.names.keys.get(self.names.plain(by), []))
+                self.added(by)
             else:
                 self.step(pos, by, by, (), "tool" if frame == "DR_TOOL" else "frame")
             return None
         if frame in (None, "DR_TOOL") and not self.joints:
             return self.refuse(pos, "the frame of this motion is set when the program runs")
         names = [name for at, text in goals for name in self.goal(at, text)]
-        return self.moves(pos, names, self.active.at("tool", pos), frame)
+        return self.goes(pos, names, frame)
 
     def goal(self, pos: int, text: str) -> list[str]:
         if (same := re.fullmatch(r"pos[jx]\s*\(\s*\*?\s*([A-Za-z_]\w*)\s*\)", text)) is not None:

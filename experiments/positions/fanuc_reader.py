@@ -30,13 +30,15 @@ def read_fanuc(reading: BackupReading) -> None:
     """Frames, registers and listings of a backup."""
     for file in reading.files:
         if _VARIABLE.search(file.text):
-            FanucFile(file, PositionNames(reading, _GOAL)).variables()
+            FanucFile(file, reading, PositionNames(_GOAL)).variables()
         elif re.search(r"^/(?:PROG|POS)\b", file.text, _M):
-            FanucFile(file, PositionNames(reading, _GOAL)).listing()
+            FanucFile(file, reading, PositionNames(_GOAL)).listing()
 
 
 class FanucFile(LineProgram):
     """A listing, or a file of variables."""
+
+    jump = _JUMP
 
     def variables(self) -> None:
         """$MNUFRAME, $MNUTOOL and $POSREG of group 1, $SCR_GRP[1].$ROBOT_ID."""
@@ -55,7 +57,7 @@ class FanucFile(LineProgram):
                     known = set("XYZWPR") <= set(values) and "*" not in "".join(values.values())
                     pose = pose_of(from_rpy, [float(values[key]) for key in "XYZWPR"]) if known else None
                     what: What = "tool" if part[1] == "$MNUTOOL" else "frame"
-                    self.reading.frame(self.file, head.start(), what, head[2], pose)
+                    self.frame(head.start(), what, head[2], pose)
 
     def listing(self) -> None:
         """Positions and statements of a program."""
@@ -71,7 +73,9 @@ class FanucFile(LineProgram):
             if point is not None:
                 self._point(point)
                 at = point.end()
-        return self._program(parts["MN"].end(), parts["POS"].start())
+        statements = _STATEMENT.finditer(text, parts["MN"].end(), parts["POS"].start())
+        self.prepare([(each.start("body"), each["body"]) for each in statements])
+        return self.run()
 
     def _point(self, point: re.Match[str]) -> None:
         """A position of all groups: of others than the first, one axis each, which stays."""
@@ -107,36 +111,34 @@ class FanucFile(LineProgram):
         configured, frames = _CONFIGURED.search(text, start, stop), _FRAMES.search(text, start, stop)
         if list(spans) != list("XYZWPR") or configured is None:
             return self.unread(pos, f"{label} is not understood", unread)
-        used = {"external": external, "register": register}
-        for what, number in zip(("frame", "tool"), frames.groups() if frames else (), strict=False):
-            used |= {what: None if number == "F" else str(int(number))}
-        return self.add(pos, name, label, places, (configured.span(1), configured.span(2)), **used)
+        numbers = frames.groups() if frames else ("F", "F")
+        frame, tool = (None if number == "F" else str(int(number)) for number in numbers)
+        words = configured.span(1), configured.span(2)
+        return self.add(
+            pos, name, label, places, words, external=external, register=register, frame=frame, tool=tool
+        )
 
-    def _program(self, start: int, end: int) -> None:
-        statements = list(_STATEMENT.finditer(self.file.text, start, end))
-        for statement in statements:
-            self.active.jumps |= _JUMP.match(statement["body"]) is not None
-            if (put := re.match(r"\s*(UFRAME_NUM|UTOOL_NUM)\s*=\s*(\d+)?", statement["body"])) is not None:
-                self.active.set("frame" if put[1] == "UFRAME_NUM" else "tool", statement.start(), put[2])
-        for statement in statements:
-            body, pos = statement["body"], statement.start("body")
-            if re.match(r"\s*(?:!|//|--)", body):
-                continue
-            if (run_time := _RUN_TIME.search(body)) is not None:
-                self.refuse(pos, f"{run_time[0]}: tools, frames or work are moved when the program runs")
-            if re.match(r"\s*[JLCAS]\s+P(?:R?)\[", body):
-                self._motion(pos, body)
-            elif (assigned := _ASSIGNED.match(body)) is not None:
-                label = f"P{assigned[1]}[{assigned[2] or '…'}]"
-                name = label if assigned[1] else f"{self.file.name}:{label}"
-                self.reading.overwrites(self.file, pos, name, label)
+    def look(self, pos: int, text: str) -> None:
+        if (put := re.match(r"\s*(UFRAME_NUM|UTOOL_NUM)\s*=\s*(\d+)?", text)) is not None:
+            self.active.set("frame" if put[1] == "UFRAME_NUM" else "tool", pos, put[2])
+
+    def statement(self, pos: int, text: str) -> None:
+        if re.match(r"\s*(?:!|//|--)", text):
+            return
+        if (run_time := _RUN_TIME.search(text)) is not None:
+            self.refuse(pos, f"{run_time[0]}: tools, frames or work are moved when the program runs")
+        if re.match(r"\s*[JLCAS]\s+P(?:R?)\[", text):
+            self._motion(pos, text)
+        elif (assigned := _ASSIGNED.match(text)) is not None:
+            label = f"P{assigned[1]}[{assigned[2] or '…'}]"
+            self.overwrites(pos, label if assigned[1] else f"{self.file.name}:{label}", label)
 
     def _motion(self, pos: int, body: str) -> None:
         goals: list[str] = []
         for goal in _GOAL.finditer(_OFFSET.sub("", body)):
             label = f"P{goal[1]}[{int(goal[2])}]" if goal[2] else goal[0]
             if not goal[2]:
-                self.reading.computed(self.file, pos, label)
+                self.computed(pos, label)
             elif re.search(r"\bINC\b", body):
                 self.refuse(pos, f"INC: {label} is a step, not a place")
             else:
@@ -146,5 +148,5 @@ class FanucFile(LineProgram):
             axes: What = "tool" if offset[0].lower().startswith("tool") else "frame"
             self.relative(pos, " ".join(offset[0].split()), goals[-1:], None, axes)
         if re.search(r"\bVOFFSET\b|\bVR\[", body):
-            self.reading.computed(self.file, pos, "an offset by a camera")
-        self.moves(pos, goals, self.active.at("tool", pos), self.active.at("frame", pos))
+            self.computed(pos, "an offset by a camera")
+        self.goes(pos, goals)

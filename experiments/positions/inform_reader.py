@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, Span, numbers_in, pose_of
-from .position_names import PositionNames
-from .script import LineProgram
+from .position import AT_RUN_TIME, NUMBER, BackupReading, FileReading, Span, numbers_in, pose_of, values_in
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _PART = re.compile(r"^//(POS|INST)\b|^END[ \t\r]*$", _I | _M)
@@ -31,16 +29,15 @@ def read_inform(reading: BackupReading) -> None:
     """User frames and jobs of a backup."""
     for file in reading.files:
         if file.suffix != ".cnd":
-            InformJob(file, PositionNames(reading, _WORD)).run()
+            InformJob(file, reading).run()
             continue
         for frame in _FRAME.finditer(file.text):
-            pose = _BUSER.search(frame[2])
-            numbers = None if pose is None else [float(each) for each in pose[1].split(",")]
-            defined = None if numbers is None else pose_of(from_rpy, numbers)
-            reading.frame(file, frame.start(), "frame", str(int(frame[1])), defined)
+            numbers = _BUSER.search(frame[2])
+            pose = None if numbers is None else pose_of(from_rpy, values_in(numbers[1]))
+            FileReading(file, reading).frame(frame.start(), "frame", str(int(frame[1])), pose)
 
 
-class InformJob(LineProgram):
+class InformJob(FileReading):
     """A job: its positions, then its instructions."""
 
     def run(self) -> None:
@@ -107,9 +104,9 @@ class InformJob(LineProgram):
         if self.file.text[slice(*configuration[2])] != "0":
             sentence = f"{label} is behind axis S: what is its upper arm is not published"
             return self.unread(pos, sentence, label)
-        used = {"tool": str(int(tool)), "frame": str(int(frame)) if frame.isdecimal() else "?"}
-        used |= {"frame": frame} if frame == "base" else {}
-        return self.add(pos, name, label, spans, configuration, register=kind == "P", **used)
+        tool, register = str(int(tool)), kind == "P"
+        frame = str(int(frame)) if frame.isdecimal() else frame if frame == "base" else AT_RUN_TIME
+        return self.add(pos, name, label, spans, configuration, register=register, tool=tool, frame=frame)
 
     def _statement(self, pos: int, text: str) -> None:
         if (group := re.match(r"///GROUP\d+\s+(.*)", text, _I)) and re.search(r"RB[2-9]", group[1]):
@@ -126,7 +123,7 @@ class InformJob(LineProgram):
                 self.reading.added |= {*stored}
                 return self.relative(pos, "IMOV is a step from where the arm is")
             if None in names:
-                self.reading.computed(self.file, pos, text.strip())
+                self.computed(pos, text.strip())
             return self.moves(pos, stored)
         if re.match(r"\s*SFTON\b", text, _I):
             self.reading.added |= {*stored}
@@ -135,7 +132,7 @@ class InformJob(LineProgram):
             label = f"{words[0][0]}{words[0][1]}"
             if names[0] is None:
                 return self.refuse(pos, f"{label}: which position is overwritten is not known before it runs")
-            return self.reading.overwrites(self.file, pos, names[0], label)
+            return self.overwrites(pos, names[0], label)
         for name, (kind, number) in zip(names, words, strict=True):
             if name is not None and not re.match(r"\s*REFP\b", text, _I):
                 self.doubt(pos, "call", f"{kind}{number} is used by this statement")

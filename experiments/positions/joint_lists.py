@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from .position import NUMBER, BackupReading, JointLanguage, SourceFile, numbers_in
+from .position import NUMBER, BackupReading, FileReading, JointLanguage, SourceFile, numbers_in, words_in
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _VALUES = rf"(?P<values>[ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})+)[ \t]*"
@@ -17,65 +17,66 @@ _LIST = re.compile(rf"^[ \t]*(?P<name>[A-Za-z_]\w*)[ \t]*=[ \t]*\[{_VALUES}\][ \
 _FLOATS = re.compile(
     rf"^[ \t]*float\[\][ \t]+(?P<name>[A-Za-z_]\w*)[ \t]*=[ \t]*\{{{_VALUES}\}}[ \t\r]*$", _M
 )
+_LISTED = re.compile(
+    r"^[ \t]*(?:float\[\][ \t]+)?(?P<name>[A-Za-z_]\w*)[ \t]*=[ \t]*"
+    r"[\[{](?P<values>[^,=\n]*(?:,[^,=\n]*){5,})[\]}][ \t\r]*$",
+    _M,
+)
 _CALL = re.compile(
     rf'\b(?P<word>PTP|Line|Change\w+)[ \t]*\((?:[ \t]*"(?P<how>[^"\n]*)"[ \t]*,)?[ \t]*\{{?{_SIX}'
 )
-_BY_JOINTS = re.compile(r'\bPTP[ \t]*\([ \t]*"JPP"[ \t]*,[ \t]*(\w+)')
 _POSTURE = re.compile(r"zb_[pmv]\d", _I)
 
 
-def _lists(
-    file: SourceFile,
-    entry: re.Pattern[str],
-    reading: BackupReading,
-    in_joints: Callable[[re.Match[str]], bool] = lambda _: True,
-) -> set[int]:
-    """Where the values of each entry begin; its joints, or poses, are added."""
-    starts = set()
-    for match in entry.finditer(file.bare):
-        spans = numbers_in(match["values"], match.start("values"))
-        starts.add(spans[0][0])
-        label = match.groupdict().get("name") or f"line {file.line(spans[0][0])}"
-        axes = range(len(spans)) if in_joints(match) else None
-        if not (match.groupdict().get("word") or "").startswith("Change"):
-            reading.add(file, spans[0][0], f"{file.name}:{label}", label, spans, axes=axes)
-    return starts
+def _in_joints(file: SourceFile, entry: re.Match[str]) -> bool:
+    """Whether an entry is joints: in TMscript where a motion, or its name in a plan's program, says so."""
+    groups = entry.groupdict()
+    if "word" in groups:
+        return groups["word"] == "PTP" and file.text[slice(*entry.span("how"))] == "JPP"
+    if entry.re is not _FLOATS:
+        return True
+    by_joints = rf'\bPTP[ \t]*\([ \t]*"JPP"[ \t]*,[ \t]*{entry["name"]}\b'
+    return _POSTURE.match(entry["name"]) is not None or re.search(by_joints, file.text) is not None
 
 
-def _rest(file: SourceFile, every: re.Pattern[str], starts: set[int], reading: BackupReading) -> None:
-    """All that looks like a position has to be one."""
-    for match in every.finditer(file.bare):
-        start = match.start("values") + len(match["values"]) - len(match["values"].lstrip())
-        if start not in starts:
-            reading.unread(file, start, "this position is not understood")
+def _read(every: re.Pattern[str], *entries: re.Pattern[str]) -> Callable[[BackupReading], None]:
+    """Reads the values of entries; `every` text that looks like a position has to be one."""
+
+    def read(reading: BackupReading) -> None:
+        for file in reading.files:
+            here, starts = FileReading(file, reading), set()
+            for match in (match for entry in entries for match in entry.finditer(file.bare)):
+                spans = numbers_in(match["values"], match.start("values"))
+                at = spans[0][0]
+                starts.add(at)
+                label = match.groupdict().get("name") or here.inline(at)[1]
+                axes = range(len(spans)) if _in_joints(file, match) else None
+                if not (match.groupdict().get("word") or "").startswith("Change"):
+                    here.add(at, f"{file.name}:{label}", label, spans, axes=axes)
+            for match in _LISTED.finditer(file.bare):
+                places = range(*match.span("values"))
+                if starts.isdisjoint(places) and _is_computed(match["values"]):
+                    reading.made.append((file.line(places.start), match["name"]))
+                    starts |= {*places}
+            for match in every.finditer(file.bare):
+                start = match.end("values") - len(match["values"].lstrip())
+                if start not in starts:
+                    here.unread(start, "this position is not understood")
+
+    return read
 
 
-def _read_slim(reading: BackupReading) -> None:
-    for file in reading.files:
-        _rest(file, _ANY_LIST, _lists(file, _SLIM, reading), reading)
+def _is_computed(values: str) -> bool:
+    """Whether a list has names beside its numbers: one that is damaged has none, or numbers that are none."""
+    words = words_in(values)
+    numbers = [word for word in words if not re.match(r"[^\W\d]", word)]
+    return len(numbers) < len(words) and all(re.fullmatch(NUMBER, word) for word in numbers)
 
 
-def _read_joint_list(reading: BackupReading) -> None:
-    for file in reading.files:
-        _rest(file, _ANY_SIX, _lists(file, _LIST, reading), reading)
-
-
-def _read_tmscript(reading: BackupReading) -> None:
-    for file in reading.files:
-        moved = set(_BY_JOINTS.findall(file.text))
-
-        def named(match: re.Match[str], moved: set[str] = moved) -> bool:
-            return match["name"] in moved or _POSTURE.match(match["name"]) is not None
-
-        def called(match: re.Match[str], file: SourceFile = file) -> bool:
-            return match["word"] == "PTP" and file.text[slice(*match.span("how"))] == "JPP"
-
-        starts = _lists(file, _FLOATS, reading, named) | _lists(file, _CALL, reading, called)
-        _rest(file, _ANY_SIX, starts, reading)
-
-
-SLIM = JointLanguage("SLIM", "nachi", (".slim",), _read_slim, remark=r"'[^\n]*")
-TMSCRIPT = JointLanguage("TMscript", "techman", (".tms",), _read_tmscript, remark=r"//[^\n]*|/\*[\s\S]*?\*/")
+SLIM = JointLanguage("SLIM", "nachi", (".slim",), _read(_ANY_LIST, _SLIM), remark=r"'[^\n]*")
+TMSCRIPT = JointLanguage(
+    "TMscript", "techman", (".tms",), _read(_ANY_SIX, _FLOATS, _CALL), remark=r"//[^\n]*|/\*[\s\S]*?\*/"
+)
 JOINT_LIST = JointLanguage(
-    "joint list", "franka", (".py", ".txt"), _read_joint_list, remark=r"#[^\n]*", unit="rad"
+    "joint list", "franka", (".py", ".txt"), _read(_ANY_SIX, _LIST), remark=r"#[^\n]*", unit="rad"
 )

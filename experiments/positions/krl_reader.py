@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, BackupReading, SourceFile, What, pose_of, split_arguments
+from .position import NUMBER, BackupReading, FileReading, SourceFile, What, pose_of, split_arguments
 from .position_names import PositionNames
 from .script import LineProgram
 
@@ -37,27 +38,22 @@ _POSE, _AXES = "XYZABC", [f"A{i}" for i in range(1, 7)]
 
 def read_krl(reading: BackupReading) -> None:
     """Data lists and programs; of the controller's own lists $config.dat and $machine.dat alone."""
-    frames: dict[str, tuple[str, str]] = {}  # tool and base of FDAT, by scope and name
     files = [file for file in reading.files if file.stem in ("$config", "$machine") or file.stem[:1] != "$"]
     for file in files:
-        frames |= {
-            f"{_scope(file)}:{fdat[1]}".lower(): (fdat[2], fdat[3]) for fdat in _FDAT.finditer(file.bare)
-        }
-        reading.whole(file, r"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b", r"^[ \t]*END(?:FCT)?\b")
-        for literal in _LITERAL.finditer(file.bare):
-            _literal(file, literal, reading)
-        for unclosed in _UNCLOSED.finditer(file.bare):
-            reading.unread(file, unclosed.start(), f"{unclosed[1]} has no }}", unclosed[1])
-        if _BEGIN.search(file.bare) and not _END_OF_LIST.search(file.bare):
-            reading.unread(file, 0, "the data list is incomplete: its last line, ENDDAT, is missing")
-        for remote in _REMOTE.finditer(file.bare):
-            reading.refuse(file, remote.start(), "#TCP: the arm holds the work (remote TCP)")
-    names = KrlNames(reading, _NAME, {one.name: [one.name] for one in reading.positions})
+        KrlData(file, reading).read()
+    names = KrlNames(_NAME, {one.name: [one.name] for one in reading.positions})
+    names.frames = {
+        f"{_scope(file)}:{fdat[1]}".lower(): (fdat[2], fdat[3])
+        for file in files
+        for fdat in _FDAT.finditer(file.bare)
+    }
     for file in files:
         lines = list(re.finditer(r"[^\n]+", file.bare)) if file.suffix != ".dat" else []
         starts = [i for i, line in enumerate(lines) if _ROUTINE.match(line[0])]
         for begin, end in zip(starts, [*starts[1:], len(lines)], strict=False):
-            KrlRoutine(file, names).run(lines[begin:end], frames)
+            routine = KrlRoutine(file, reading, names)
+            routine.prepare([(line.start(), line[0]) for line in lines[begin:end]])
+            routine.run()
 
 
 def _scope(file: SourceFile) -> str:
@@ -65,7 +61,9 @@ def _scope(file: SourceFile) -> str:
 
 
 class KrlNames(PositionNames):
-    """Names of a program's own data list, else of another."""
+    """Names of a program's own data list, else of another; `frames` are tool and base of FDAT by these."""
+
+    frames: Mapping[str, tuple[str, str]]
 
     def of(self, file: SourceFile, name: str) -> list[str]:
         plain = self.plain(name)
@@ -74,75 +72,89 @@ class KrlNames(PositionNames):
         return every[:1] or [local]
 
 
-def _literal(file: SourceFile, literal: re.Match[str], reading: BackupReading) -> None:
-    pos, name = literal.start("fields"), literal["name"]
-    line_start = file.bare.rfind("\n", 0, pos) + 1
-    fields = {match[1].upper(): match.span(2) for match in _FIELD.finditer(file.bare, pos, literal.end())}
-    values = {key: float(file.text[slice(*span)]) for key, span in fields.items()}
-    if file.bare.count("{", line_start, pos) - file.bare.count("}", line_start, pos) != 1:
-        return None  # a part of load data and the like
-    defined = re.fullmatch(r"\$?(TOOL|BASE|ROBROOT)(?:_DATA\[(\d+)\])?", name or "", _I)
-    if defined is not None:
-        pose = pose_of(from_abc, [values[key] for key in _POSE]) if set(_POSE) <= set(values) else None
-        if defined[1].upper() == "ROBROOT":
-            reading.base = pose
+class KrlData(FileReading):
+    """The literals of a file."""
+
+    def read(self) -> None:
+        """Positions, tools and bases, and what is not whole."""
+        self.whole(r"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b", r"^[ \t]*END(?:FCT)?\b")
+        bare = self.file.bare
+        for literal in _LITERAL.finditer(bare):
+            self._literal(literal)
+        for unclosed in _UNCLOSED.finditer(bare):
+            self.unread(unclosed.start(), f"{unclosed[1]} has no }}", unclosed[1])
+        if _BEGIN.search(bare) and not _END_OF_LIST.search(bare):
+            self.unread(0, "the data list is incomplete: its last line, ENDDAT, is missing")
+        for remote in _REMOTE.finditer(bare):
+            self.refuse(remote.start(), "#TCP: the arm holds the work (remote TCP)")
+
+    def _literal(self, literal: re.Match[str]) -> None:
+        file, pos, name = self.file, literal.start("fields"), literal["name"] or ""
+        line_start = file.bare.rfind("\n", 0, pos) + 1
+        fields = {match[1].upper(): match.span(2) for match in _FIELD.finditer(file.bare, pos, literal.end())}
+        values = dict(zip(fields, self.numbers([*fields.values()]), strict=True))
+        if file.bare.count("{", line_start, pos) - file.bare.count("}", line_start, pos) != 1:
+            return None  # a part of load data and the like
+        defined = re.fullmatch(r"\$?(TOOL|BASE|ROBROOT)(?:_DATA\[(\d+)\])?", name, _I)
+        if defined is not None:
+            pose = pose_of(from_abc, [values[key] for key in _POSE]) if set(_POSE) <= set(values) else None
+            if defined[1].upper() == "ROBROOT":
+                self.reading.base = pose
+                return None
+            return self.frame(pos, _what(defined[1]), defined[2] or f"{file.name}:{file.line(pos)}", pose)
+        move = _MOVE.fullmatch(file.bare[line_start : file.bare.find("\n", pos) % (len(file.bare) + 1)])
+        relative = move is not None and (move[2] or move[1].upper() == "ASYPTP")
+        if file.stem == "$machine" or name[:1] == "$" or relative:
             return None
-        what: What = "tool" if defined[1].upper() == "TOOL" else "frame"
-        return reading.frame(file, pos, what, defined[2] or f"{file.name}:{file.line(pos)}", pose)
-    move = _MOVE.fullmatch(file.bare[line_start : file.bare.find("\n", pos) % (len(file.bare) + 1)])
-    if file.stem == "$machine" or (name or "")[:1] == "$" or (move is not None and move[2]):
-        return None
-    label, key = name or f"line {file.line(pos)}", f"{_scope(file)}:{name or pos}".lower()
-    external = [value for field, value in values.items() if field[0] == "E"]
-    axes = [i for i, axis in enumerate(_AXES) if axis in fields]
-    if move is not None and move[1].upper() == "ASYPTP":
-        return None
-    if (name is None and move is None) or literal["fields"].count(",") + 1 != len(fields):
-        return reading.unread(file, pos, f"{label}: it is not said what this position is, or for", label)
-    if axes and not set(fields) & set("XYZBC"):
-        return reading.add(
-            file, pos, key, label, [fields[_AXES[i]] for i in axes], axes=axes, external=external
-        )
-    if set(_POSE) <= set(fields):
-        configuration = [fields[each] for each in "ST" if each in fields]
-        return reading.add(
-            file, pos, key, label, [fields[each] for each in _POSE], configuration, external=external
-        )
-    return reading.doubt(
-        file, pos, "relative", f"{label} states some components: the others are those before"
-    )
+        label, key = name or f"line {file.line(pos)}", f"{_scope(file)}:{name or pos}".lower()
+        external = [value for field, value in values.items() if field[0] == "E"]
+        axes = [i for i, axis in enumerate(_AXES) if axis in fields]
+        if (not name and move is None) or literal["fields"].count(",") + 1 != len(fields):
+            return self.unread(pos, f"{label}: it is not said what this position is, or for", label)
+        if axes and not set(fields) & set("XYZBC"):
+            return self.add(pos, key, label, [fields[_AXES[i]] for i in axes], axes=axes, external=external)
+        if set(_POSE) <= set(fields):
+            spans, words = ([fields[each] for each in keys if each in fields] for keys in (_POSE, "ST"))
+            return self.add(pos, key, label, spans, words, external=external)
+        sentence = f"{label} states some components: the others are those before"
+        return self.doubt(pos, "relative", sentence)
+
+
+def _what(word: str) -> What:
+    return "tool" if word.upper() == "TOOL" else "frame"
 
 
 class KrlRoutine(LineProgram):
     """A routine of a program."""
 
-    def run(self, lines: list[re.Match[str]], frames: dict[str, tuple[str, str]]) -> None:
-        """What sets tools and bases, then its statements; `frames` are the tool and base of FDAT."""
-        for line in lines:
-            self.active.jumps |= _JUMP.match(line[0]) is not None
-            for word in re.findall(r"\w+", line[0].lower()):
-                if pair := frames.get(f"{_scope(self.file)}:{word}".lower(), frames.get(f":{word}")):
-                    self.active.set("tool", line.start(), pair[0])
-                    self.active.set("frame", line.start(), pair[1])
-            if (put := _SET.fullmatch(line[0])) is not None:
-                data = re.fullmatch(r"(?:(?:TOOL|BASE)_DATA\[\s*)?(\d+)(?:\s*\])?", put[3], _I)
-                name = "0" if put[3].upper() == "$NULLFRAME" else data[1] if data else None
-                name = f"{self.file.name}:{self.file.line(line.start())}" if put[3].startswith("{") else name
-                what: What = "tool" if (put[1] or put[2]).upper() == "TOOL" else "frame"
-                self.active.set(what, line.start(), name)
-        for line in lines:
-            assigned, pos = _ASSIGNED.fullmatch(line[0]), line.start() + len(line[0]) - len(line[0].lstrip())
-            if (move := _MOVE.fullmatch(line[0])) is not None:
-                self._motion(pos, move)
-            elif assigned is not None and not assigned[3].startswith("{"):
-                self._assigned(pos, assigned)
+    names: KrlNames
+    jump = _JUMP
+
+    def look(self, pos: int, text: str) -> None:
+        for word in re.findall(r"\w+", text.lower()):
+            local = f"{_scope(self.file)}:{word}".lower()
+            if pair := self.names.frames.get(local, self.names.frames.get(f":{word}")):
+                self.active.set("tool", pos, pair[0])
+                self.active.set("frame", pos, pair[1])
+        if (put := _SET.fullmatch(text)) is not None:
+            data = re.fullmatch(r"(?:(?:TOOL|BASE)_DATA\[\s*)?(\d+)(?:\s*\])?", put[3], _I)
+            name = "0" if put[3].upper() == "$NULLFRAME" else data[1] if data else None
+            name = f"{self.file.name}:{self.file.line(pos)}" if put[3].startswith("{") else name
+            self.active.set(_what(put[1] or put[2]), pos, name)
+
+    def statement(self, pos: int, text: str) -> None:
+        assigned = _ASSIGNED.fullmatch(text)
+        if (move := _MOVE.fullmatch(text)) is not None:
+            self._motion(pos, move)
+        elif assigned is not None and not assigned[3].startswith("{"):
+            self._assigned(pos, assigned)
 
     def _assigned(self, pos: int, assigned: re.Match[str]) -> None:
         names, stored = self.names, self.names.keys
         (key,) = names.of(self.file, assigned[1])
         sources = {name for word in _NAME.findall(assigned[3]) for name in names.of(self.file, word)}
         if key in stored or (not assigned[2] and sources & set(stored)):
-            self.reading.overwrites(self.file, pos, key, assigned[1])
+            self.overwrites(pos, key, assigned[1])
         elif (added := _ADDED.fullmatch(assigned[3])) is not None:
             offset = [float(added[3] + added[4]) * (axis == added[2].upper()) for axis in "XYZ"]
             self.relative(pos, f"{added[1]}: {assigned[3]}", (), offset, "frame")
@@ -159,11 +171,10 @@ class KrlRoutine(LineProgram):
         for at, goal in split_arguments(_END.sub("", move["goals"])):
             word = goal.strip()
             if word.startswith("{"):
-                start = self.file.bare.index("{", pos + move.start("goals") - move.start(1) + at)
-                key = f"{_scope(self.file)}:{start + 1}".lower()
-                goals += [key] if any(one.name == key for one in self.reading.positions) else []
+                start = self.file.bare.index("{", pos + move.start("goals") + at)
+                goals += self.names.keys.get(f"{_scope(self.file)}:{start + 1}".lower(), [])
             elif _NAME.fullmatch(word):
                 goals += self.names.of(self.file, word)
             elif not re.fullmatch(r"CA\s.*|\$(?:AXIS|POS)_ACT", word, _I):
-                self.reading.computed(self.file, pos, word)
-        return self.moves(pos, goals, self.active.at("tool", pos), self.active.at("frame", pos))
+                self.computed(pos, word)
+        return self.goes(pos + move.start(1), goals)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, numbers_in, pose_of, split_arguments
+from .position import NUMBER, BackupReading, numbers_in, pose_of, split_arguments, values_in
 from .position_names import PositionNames
-from .script import LineProgram
+from .script import LineProgram, Lines
 
 _I = re.IGNORECASE
 _VALUES = rf"\([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*[ \t]*\)"
@@ -33,32 +33,34 @@ _ADDED = re.compile(rf"((?:{_NAME}){_INDEX})[ \t]*([+*])[ \t]*((?:{_NAME}){_INDE
 def read_melfa(reading: BackupReading) -> None:
     """Each program has variables of its own."""
     for file in reading.files:
-        MelfaProgram(file, PositionNames(reading, _WORD)).run()
+        program = MelfaProgram(file, reading, PositionNames(_WORD))
+        lines = [(line.start(1), line[1]) for line in _LINE.finditer(file.bare) if line[1]]
+        program.variables(lines)
+        program.prepare(lines)
+        program.run()
 
 
 class MelfaProgram(LineProgram):
     """A program with its variables."""
 
-    def run(self) -> None:
-        """Its variables first, then what sets tools, then its statements."""
-        lines = [(line.start(1), line[1], line) for line in _LINE.finditer(self.file.bare) if line[1]]
-        for pos, text, _ in lines:
+    jump = _JUMP
+
+    def variables(self, lines: Lines) -> None:
+        """Those that are saved behind it."""
+        for pos, text in lines:
             if (entry := _STORED.fullmatch(text)) is not None:
                 self._entry(pos, entry)
-        for pos, text, line in lines:
-            self.active.jumps |= _JUMP.match(text) is not None
-            if (put := _TOOL.fullmatch(text)) is not None:
-                self.active.set("tool", line.start(), self._tool(pos, put[1]))
-        for pos, text, line in lines:
-            self._statement(pos, text, self.active.at("tool", line.end()))
+
+    def look(self, pos: int, text: str) -> None:
+        if (put := _TOOL.fullmatch(text)) is not None:
+            self.active.set("tool", pos, self._tool(pos, put[1]))
 
     def _entry(self, pos: int, entry: re.Match[str]) -> None:
         label, literal = f"{entry[1]}{entry[2]}", _LITERAL.fullmatch(entry[3])
         name = self.names.plain(label)
         if literal is None:
             if re.fullmatch(r"\([-+.\d\s,*#]*\)?.*", entry[3]) and not re.search(r"[A-Z]", entry[3], _I):
-                sentence = f"{label}: this position is not understood"
-                self.reading.unread(self.file, pos, sentence, label)
+                self.unread(pos, f"{label}: this position is not understood", label)
             return None
         if name in self.names.keys:
             return self.refuse(pos, f"the program overwrites the stored position {label}")
@@ -71,32 +73,24 @@ class MelfaProgram(LineProgram):
         spans = numbers_in(literal[1], pos + literal.start(1))
         flags = numbers_in(literal[2], pos + literal.start(2))
         joints = label[0] in "jJ"
-        plain = len(flags) == 2 and not joints and not float(self.file.text[slice(*flags[1])])
+        plain = len(flags) == 2 and not joints and not any(self.numbers(flags[1:]))
         if len(spans) >= 6 and not plain and (flags or not joints):
-            sentence = f"{label}: turns of joints, or no flags, are not understood"
-            return self.reading.unread(self.file, pos, sentence, label)
+            return self.unread(pos, f"{label}: turns of joints, or no flags, are not understood", label)
         frame = None if joints else "0"
-        self.reading.six(
-            self.file, pos, name, label, spans, flags, joints=joints, register=register, frame=frame
-        )
-        return None
+        return self.six(pos, name, label, spans, flags, joints=joints, register=register, frame=frame)
 
     def _tool(self, pos: int, text: str) -> str | None:
         """The name of a tool that is set; None where that is computed."""
-        (name,), numbers = self.names.keys.get(self.names.plain(text), [""]), []
         if text.upper() == "P_NTOOL":
             return "p_ntool"
+        (name,), numbers = self.names.keys.get(self.names.plain(text), [""]), self.added(text)[:6]
         if (literal := _LITERAL.fullmatch(text)) is not None:
-            name = f"{self.file.name}:tool{pos}"
-            numbers = [float(literal[1][slice(*span)]) for span in numbers_in(literal[1])][:6]
-        elif name:
-            self.reading.added.add(name)
-            numbers = [each for one in self.reading.positions if one.name == name for each in one.values][:6]
+            name, numbers = f"{self.file.name}:tool{pos}", values_in(literal[1])[:6]
         if len(numbers) == 6 and ("tool", name) not in self.reading.frames:
-            self.reading.frame(self.file, pos, "tool", name, pose_of(from_rpy, numbers))
+            self.frame(pos, "tool", name, pose_of(from_rpy, numbers))
         return name or None
 
-    def _statement(self, pos: int, text: str, tool: str | None) -> None:
+    def statement(self, pos: int, text: str) -> None:
         if (run_time := _SET.match(text)) is not None:
             return self.refuse(pos, f"{run_time[1]}: tools, frames or pallets are set when the program runs")
         if _TOOL.fullmatch(text) or ((entry := _STORED.fullmatch(text)) and _LITERAL.fullmatch(entry[3])):
@@ -110,26 +104,24 @@ class MelfaProgram(LineProgram):
                     self.relative(pos, text[:40], goals[-1:], (0.0, 0.0, float(goal)), "tool")
                 else:
                     goals += self._goals(begin, goal)
-            return self.reading.moves(self.file, pos, goals, tool)
+            return self.goes(pos, goals)
         if (store := _STORES.fullmatch(text)) is not None:
             label = f"{store[1]}{store[2]}"
             if store[2] and not re.fullmatch(r"\([\d,]+\)", self.names.plain(store[2])):
                 return self.refuse(pos, f"{label}: which position is overwritten is not known")
-            self.reading.overwrites(self.file, pos, self.names.of(self.file, label)[0], label)
-            return self.reading.moves(self.file, pos, self._goals(pos + store.start(3), store[3].strip()))
-        return self.names.used(self.file, pos, text)
+            self.overwrites(pos, self.names.of(self.file, label)[0], label)
+            return self.moves(pos, self._goals(pos + store.start(3), store[3].strip()))
+        return self.names.used(self, pos, text)
 
     def _goals(self, pos: int, goal: str) -> list[str]:
         """The names of a goal. A + B has the components of both, A * B is B in the axes of the tool at A."""
         if (literal := _LITERAL.fullmatch(goal)) is not None:
-            name = f"{self.file.name}:{pos}"
-            self._literal(pos, literal, name, f"line {self.file.line(pos)}")
+            name, label = self.inline(pos)
+            self._literal(pos, literal, name, label)
             return [name]
         if (sum_ := _ADDED.fullmatch(goal)) is None:
-            return self.names.goals(self.file, pos, goal)
-        goals, key = self._goals(pos, sum_[1]), self.names.keys.get(self.names.plain(sum_[3]), [""])[0]
-        self.reading.added.add(key)
-        values = [each for one in self.reading.positions if one.name == key for each in one.values]
+            return self.names.goals(self, pos, goal)
+        goals, values = self._goals(pos, sum_[1]), self.added(sum_[3])
         offset = values[:3] if values and not any(values[3:]) else None
         self.relative(pos, sum_[0][:40], goals, offset, "tool" if sum_[2] == "*" else "frame")
         return goals

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, What, numbers_in, pose_of, split_arguments
+from .position import NUMBER, BackupReading, What, numbers_in, pose_of, split_arguments, values_in
 from .position_names import SharedNames
-from .script import Arguments, Script
+from .script import Lines, Script
 
 _I = re.IGNORECASE
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
@@ -25,11 +25,11 @@ def read_pacscript(reading: BackupReading) -> None:
     """P[n] and J[n] belong to all programs, other names to those of one file."""
     programs, shared = [], dict[str, list[str]]()
     for file in reading.files:
-        names = PacNames(reading, PacProgram.word, shared, file.name)
+        names = PacNames(PacProgram.word, shared, file.name)
         starts = [match.start() for match in _PART.finditer(file.bare)][1:]
         for start, end in zip([0, *starts], [*starts, len(file.bare)], strict=True):
             programs.append(PacProgram(file, reading, names))
-            programs[-1].prepare(start, end)
+            programs[-1].scan(start, end)
     for program in programs:
         program.run()
 
@@ -69,9 +69,9 @@ class PacProgram(Script):
             name = self.names.plain(assign["name"])
             self.kinds |= {name: {name[0] == "j"}} if re.match(r"[pj]\[", name) else {}
         if (made := re.fullmatch(_DEFINED, text, _I)) is not None:
-            numbers = [float(each) for each in made[3].split(",")]
+            numbers = values_in(made[3])
             pose = pose_of(from_rpy, numbers[:6]) if len(numbers) >= 6 else None
-            self.reading.frame(self.file, pos, _WHAT[made[1].lower()], made[2], pose)
+            self.frame(pos, _WHAT[made[1].lower()], made[2], pose)
         if (change := _CHANGED.match(text)) is not None:
             self.active.set(_WHAT[change[1].lower()], pos, change[2] and str(int(change[2])))
             self.changed = True
@@ -90,9 +90,9 @@ class PacProgram(Script):
         if (literal["kind"] or "").upper() == "T" or (not joints and len(spans) > 7):
             return self.refuse(pos, f"{label}: this position is not understood")
         spans, figure = (spans, []) if joints else (spans[:6], spans[6:])
-        return self.reading.six(self.file, pos, key, label, spans, figure, joints=joints, register=register)
+        return self.six(pos, key, label, spans, figure, joints=joints, register=register)
 
-    def arguments(self, text: str, move: re.Match[str]) -> Arguments:
+    def arguments(self, text: str, move: re.Match[str]) -> Lines:
         """Without path options (@P) and those of motion."""
         parts = [
             (at, re.match(r"\s*(?:@[ \t]*\w+[ \t]*)?", part), part)
@@ -103,14 +103,14 @@ class PacProgram(Script):
         ]
         return [(at, part) for at, part in rest if part and not _OPTION.fullmatch(part)]
 
-    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+    def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
         kind = move["kind"].lower()
         if kind in ("archmove", "drivea"):
             return arguments[:1]
         spline = [text.lower() for _, text in arguments[:1]] == ["s"]
         return [] if spline else arguments[1 : {"move": None, "approach": 2}.get(kind, 1)]
 
-    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+    def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
         kind, text = move["kind"].lower(), " ".join(part for _, part in arguments)
         axes: What
         names = [name for at, goal in self.goals_of(move, arguments) for name in self.goal(at, goal)]
@@ -121,9 +121,8 @@ class PacProgram(Script):
         elif kind == "rotate" or not (names or kind == "move"):
             self.relative(pos, f"{move['kind']} is a step from where the arm is")
         elif not names:
-            self.reading.computed(self.file, pos, f"Move {text}")
-        tool, frame = self.active.at("tool", pos), self.active.at("frame", pos)
-        return self.moves(pos, names, tool, frame)
+            self.computed(pos, f"Move {text}")
+        return self.goes(pos, names)
 
     def goal(self, pos: int, text: str) -> list[str]:
         if (dev := _DEV.fullmatch(text)) is not None:

@@ -96,7 +96,6 @@ class TaughtPosition:
     frame: str | None = None
     axes: tuple[int, ...] = ()
     configuration_spans: tuple[Span, ...] = ()
-    group: int = 1
     register: bool = False
     external: bool = False
     near: str | None = None
@@ -159,7 +158,7 @@ class RefusedLine:
 
 @dataclass
 class BackupReading:
-    """What is found in the files of a backup; a reader adds to it, `finished` judges names.
+    """What is found in the files of a backup; readers add to it by `FileReading`, `finished` judges names.
 
     `base` is the arm's base in the world, `model` that of the arm, where the backup states it."""
 
@@ -170,119 +169,12 @@ class BackupReading:
     doubtful: list[DoubtfulLine] = field(default_factory=list)
     refused: list[RefusedLine] = field(default_factory=list)
     overwritten: list[tuple[SourceFile, int, str, str]] = field(default_factory=list)
+    made: list[tuple[int, str]] = field(
+        default_factory=list
+    )  # line and label of what is computed, used or not
     added: set[str] = field(default_factory=set)  # registers that statements add to places
     base: Matrix | None = None
     model: tuple[SourceFile, int, str] | None = None
-
-    def add(
-        self,
-        file: SourceFile,
-        pos: int,
-        name: str,
-        label: str,
-        spans: Sequence[Span],
-        configuration: Sequence[Span] = (),
-        *,
-        axes: Sequence[int] | None = None,
-        external: Sequence[float] = (),
-        **others: Any,
-    ) -> None:
-        """A position at `pos`: joints where `axes` are stated, else a pose; `external` axes must be 0."""
-        if any(external):
-            self.refuse(
-                file, pos, f"{label} has positions of external axes, which may carry the arm or the work"
-            )
-        if any(abs(float(file.text[slice(*span)])) > _LARGEST for span in spans):
-            return self.unread(file, pos, f"{label} has numbers that no arm reaches", label)
-        kind: Literal["cartesian", "joints"] = "cartesian" if axes is None else "joints"
-        one = TaughtPosition(file, name, label, file.line(pos), kind, tuple(spans), **others)
-        one = replace(one, external=any(external))
-        one = replace(one, axes=tuple(axes or ()), configuration_spans=tuple(configuration))
-        return self.positions.append(one)
-
-    def six(
-        self,
-        file: SourceFile,
-        pos: int,
-        name: str,
-        label: str,
-        spans: Sequence[Span],
-        configuration: Sequence[Span] = (),
-        *,
-        joints: bool,
-        **others: Any,
-    ) -> None:
-        """A position of six numbers; numbers behind them are of external axes."""
-        if len(spans) < 6:
-            return self.unread(file, pos, f"{label} has {len(spans)} numbers", label)
-        others |= {"axes": range(6)} if joints else {}
-        external = [float(file.text[slice(*span)]) for span in spans[6:]]
-        return self.add(file, pos, name, label, spans[:6], configuration, external=external, **others)
-
-    def frame(
-        self,
-        file: SourceFile,
-        pos: int,
-        what: What,
-        name: str,
-        pose: Matrix | None,
-        why: str = "it is not in numbers",
-    ) -> None:
-        """A tool or frame that the backup defines."""
-        if (what, name) in self.frames:
-            self.refuse(
-                file, pos, f"the {what} {name} is defined twice: convert the backup of one task alone"
-            )
-        self.frames[what, name] = FramePose(file, file.line(pos), pose, why)
-
-    def refuse(self, file: SourceFile, pos: int, sentence: str) -> None:
-        """A line for which nothing is converted."""
-        self.refused.append(RefusedLine(file, file.line(pos), sentence))
-
-    def unread(self, file: SourceFile, pos: int, sentence: str, label: str | None = "") -> None:
-        """A position that is not understood, of this label; None: one that nobody looks for by itself."""
-        self.refused.append(RefusedLine(file, file.line(pos), sentence, label))
-
-    def whole(self, file: SourceFile, begins: str, ends: str) -> None:
-        """Refuse a file in which more begins than ends, by patterns: it was cut off."""
-        opened, closed = (
-            len(re.findall(pattern, file.bare, re.IGNORECASE | re.MULTILINE)) for pattern in (begins, ends)
-        )
-        if closed < opened:
-            self.unread(file, len(file.bare), "the file is not whole: a module, routine or block has no end")
-
-    def computed(self, file: SourceFile, pos: int, text: str) -> None:
-        """A goal that is known when the program runs."""
-        self.doubt(file, pos, "computed", f"{text[:40]} is computed when the program runs")
-
-    def doubt(
-        self,
-        file: SourceFile,
-        pos: int,
-        kind: Doubt,
-        sentence: str,
-        name: str | None = None,
-        offset: Sequence[float] | None = None,
-        axes: What | None = None,
-    ) -> None:
-        """A line that a person must look at."""
-        step = None if offset is None else tuple(offset)
-        self.doubtful.append(DoubtfulLine(file, file.line(pos), kind, sentence, name, step, axes))
-
-    def moves(
-        self,
-        file: SourceFile,
-        pos: int,
-        names: Sequence[str],
-        tool: str | None = None,
-        frame: str | None = None,
-    ) -> None:
-        """A statement moves to these positions."""
-        self.statements.append(Statement(file, file.line(pos), tuple(names), tool, frame))
-
-    def overwrites(self, file: SourceFile, pos: int, name: str, label: str) -> None:
-        """A statement changes a position when the program runs."""
-        self.overwritten.append((file, file.line(pos), name, label))
 
     def of(self, names: Sequence[str]) -> BackupReading:
         """What is found in these files, with the tools and frames of all."""
@@ -294,6 +186,13 @@ class BackupReading:
             refused=[one for one in self.refused if one.file.name in names],
             overwritten=[one for one in self.overwritten if one[0].name in names],
         )
+
+    def computed(self) -> list[tuple[int, str]]:
+        """Line and label of the places that are known when a program runs, not before."""
+        stored = {one.name for one in self.positions}
+        doubts = [one.line for one in self.doubtful if one.kind in ("computed", "relative")]
+        assigned = [(line, label) for _, line, name, label in self.overwritten if name not in stored]
+        return [*((line, f"line {line}") for line in doubts), *self.made, *assigned]
 
     def finished(self) -> BackupReading:
         """What follows of names: stored elsewhere, overwritten, with several tools or frames. Each position
@@ -341,6 +240,131 @@ class BackupReading:
                 self.refused.append(RefusedLine(one.file, one.line, several))
         tool, frame = (next(iter(names[what]), None) for what in kinds)
         return replace(one, tool=one.tool or tool, frame=one.frame or frame)
+
+
+@dataclass
+class FileReading:
+    """What a reader finds in one file, which it adds to the `reading` of the backup; `pos` are places in the
+    file's text."""
+
+    file: SourceFile
+    reading: BackupReading
+
+    def add(
+        self,
+        pos: int,
+        name: str,
+        label: str,
+        spans: Sequence[Span],
+        configuration: Sequence[Span] = (),
+        *,
+        axes: Sequence[int] | None = None,
+        external: Sequence[float] = (),
+        **others: Any,
+    ) -> None:
+        """A position at `pos`: joints where `axes` are stated, else a pose; `external` axes must be 0."""
+        if any(external):
+            self.refuse(pos, f"{label} has positions of external axes, which may carry the arm or the work")
+        if any(abs(number) > _LARGEST for number in self.numbers(spans)):
+            return self.unread(pos, f"{label} has numbers that no arm reaches", label)
+        kind: Literal["cartesian", "joints"] = "cartesian" if axes is None else "joints"
+        others |= {"axes": tuple(axes or ()), "configuration_spans": tuple(configuration)}
+        self.reading.positions.append(
+            TaughtPosition(
+                self.file,
+                name,
+                label,
+                self.file.line(pos),
+                kind,
+                tuple(spans),
+                external=any(external),
+                **others,
+            )
+        )
+        return None
+
+    def six(
+        self,
+        pos: int,
+        name: str,
+        label: str,
+        spans: Sequence[Span],
+        configuration: Sequence[Span] = (),
+        *,
+        joints: bool,
+        **others: Any,
+    ) -> None:
+        """A position of six numbers; numbers behind them are of external axes."""
+        if len(spans) < 6:
+            return self.unread(pos, f"{label} has {len(spans)} numbers", label)
+        others |= {"axes": range(6)} if joints else {}
+        external = self.numbers(spans[6:])
+        return self.add(pos, name, label, spans[:6], configuration, external=external, **others)
+
+    def numbers(self, spans: Sequence[Span]) -> list[float]:
+        """Those at places of the file."""
+        return [float(self.file.text[start:end]) for start, end in spans]
+
+    def inline(self, pos: int) -> tuple[str, str]:
+        """Name and label of a position that is written where it is used."""
+        return f"{self.file.name}:{pos}", f"line {self.file.line(pos)}"
+
+    def frame(
+        self, pos: int, what: What, name: str, pose: Matrix | None, why: str = "it is not in numbers"
+    ) -> None:
+        """A tool or frame that the backup defines."""
+        if (what, name) in self.reading.frames:
+            self.refuse(pos, f"the {what} {name} is defined twice: convert the backup of one task alone")
+        self.reading.frames[what, name] = FramePose(self.file, self.file.line(pos), pose, why)
+
+    def refuse(self, pos: int, sentence: str) -> None:
+        """A line for which nothing is converted."""
+        self.unread(pos, sentence, None)
+
+    def unread(self, pos: int, sentence: str, label: str | None = "") -> None:
+        """A position that is not understood, of this label; None: one that nobody looks for by itself."""
+        self.reading.refused.append(RefusedLine(self.file, self.file.line(pos), sentence, label))
+
+    def whole(self, begins: str, ends: str) -> None:
+        """Refuse a file in which more begins than ends, by patterns: it was cut off."""
+        opened, closed = (
+            len(re.findall(pattern, self.file.bare, re.IGNORECASE | re.MULTILINE))
+            for pattern in (begins, ends)
+        )
+        if closed < opened:
+            sentence = "the file is not whole: a module, routine or block has no end"
+            self.unread(len(self.file.bare), sentence)
+
+    def doubt(self, pos: int, kind: Doubt, sentence: str) -> None:
+        """A line that a person must look at."""
+        self.reading.doubtful.append(DoubtfulLine(self.file, self.file.line(pos), kind, sentence))
+
+    def computed(self, pos: int, text: str) -> None:
+        """A goal that is known when the program runs."""
+        self.doubt(pos, "computed", f"{text[:40]} is computed when the program runs")
+
+    def relative(
+        self,
+        pos: int,
+        sentence: str,
+        names: Sequence[str] = (),
+        offset: Sequence[float] | None = None,
+        axes: What | None = None,
+    ) -> None:
+        """A move by an offset from the first of the goals `names`, or from where the arm is."""
+        by, start = None if offset is None else tuple(offset), names[0] if names else None
+        line = DoubtfulLine(self.file, self.file.line(pos), "relative", sentence, start, by, axes)
+        self.reading.doubtful.append(line)
+
+    def moves(
+        self, pos: int, names: Sequence[str], tool: str | None = None, frame: str | None = None
+    ) -> None:
+        """A statement moves to these positions."""
+        self.reading.statements.append(Statement(self.file, self.file.line(pos), tuple(names), tool, frame))
+
+    def overwrites(self, pos: int, name: str, label: str) -> None:
+        """A statement changes a position when the program runs."""
+        self.reading.overwritten.append((self.file, self.file.line(pos), name, label))
 
 
 class Active:
@@ -455,6 +479,16 @@ def numbers_in(text: str, start: int = 0) -> list[Span]:
     return [
         (start + match.start(), start + match.end()) for match in re.finditer(rf"(?<![\w.]){NUMBER}", text)
     ]
+
+
+def values_in(text: str) -> list[float]:
+    """All numbers of a text."""
+    return [float(text[start:end]) for start, end in numbers_in(text)]
+
+
+def words_in(text: str) -> list[str]:
+    """Names and numbers of a text, whether they are right or not."""
+    return re.findall(r"[\w.]+(?:(?<=[eE])[-+]\d+)?", text)
 
 
 def split_arguments(text: str, between: str = ",") -> Iterator[tuple[int, str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from .position import BackupReading, SourceFile
+from .position import FileReading, SourceFile
 
 
 @dataclass
@@ -13,7 +13,6 @@ class PositionNames:
     """`word` is a name with its index. `keys` are names in the backup by those of statements, `scope` is
     whose they are, if not of a file alone."""
 
-    reading: BackupReading
     word: re.Pattern[str]
     keys: dict[str, list[str]] = field(default_factory=dict)
     scope: str | None = None
@@ -32,28 +31,30 @@ class PositionNames:
             self.plain(name), [f"{file.name if self.scope is None else self.scope}:{self.plain(name)}"]
         )
 
-    def goals(self, file: SourceFile, pos: int, text: str) -> list[str]:
+    def goals(self, here: FileReading, pos: int, text: str) -> list[str]:
         """Those of a goal; of an array whose index is a variable all its elements."""
         name = self.plain(text)
         if self.word.fullmatch(text) is None:
-            self.reading.computed(file, pos, text)
-            self.reading.added |= {key for word in self.word.findall(text) for key in self._stored(word)}
+            here.computed(pos, text)
+            here.reading.added |= {
+                key for word in self.stored_in(text) for key in self.keys[self.plain(word)]
+            }
             return []
         index = re.search(r"[\[(].*", name)
         if index is not None and name not in self.keys and not re.fullmatch(r".[\d,]+.", index[0]):
-            self.reading.computed(file, pos, text)
+            here.computed(pos, text)
             stem = name[: index.start() + 1]
             return sorted(key for each, keys in self.keys.items() if each.startswith(stem) for key in keys)
-        return self.of(file, text)
+        return self.of(here.file, text)
 
-    def used(self, file: SourceFile, pos: int, text: str) -> None:
+    def used(self, here: FileReading, pos: int, text: str) -> None:
         """A statement that is no motion has these names."""
-        for word in self.word.findall(text):
-            if self._stored(word):
-                self.reading.doubt(file, pos, "call", f"{word} is used by this statement")
+        for word in self.stored_in(text):
+            here.doubt(pos, "call", f"{word} is used by this statement")
 
-    def _stored(self, word: str) -> list[str]:
-        return self.keys.get(self.plain(word), [])
+    def stored_in(self, text: str) -> list[str]:
+        """The names of positions of the backup that are in a text."""
+        return [word for word in self.word.findall(text) if self.keys.get(self.plain(word))]
 
 
 class SharedNames(PositionNames):

@@ -13,7 +13,7 @@ from zipfile import BadZipFile, ZipFile
 from ...model.errors import BadInput
 from ...model.parsing.confinement import require_within
 from ...model.parsing.reading import LARGEST, require_regular
-from .position import BackupReading, PositionLanguage, RefusedLine, SourceFile
+from .position import BackupReading, FileReading, PositionLanguage, RefusedLine, SourceFile
 from .position_languages import LANGUAGES
 
 AUDIT = "audit.json"
@@ -80,7 +80,7 @@ def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Se
     language.read(reading)
     for file in compressed:
         sentence = "this program is compressed: it is not read, and its positions stay as they are"
-        reading.doubt(file, 0, "elsewhere", sentence)
+        FileReading(file, reading).doubt(0, "elsewhere", sentence)
     reading.refused += [line for line in unread if re.search(_PROGRAM, line.file.name, re.IGNORECASE)]
     return reading.of(chosen).finished()
 

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_quaternion
-from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
-from .position_names import PositionNames
-from .script import LineProgram
+from .position import (
+    NUMBER,
+    BackupReading,
+    FileReading,
+    What,
+    numbers_in,
+    pose_of,
+    split_arguments,
+    values_in,
+)
 
 _UNUSED = 9e9  # of an external axis
 _REST = r"(?<!PROC )(?<![\w\\.])"
@@ -43,9 +51,9 @@ _SWITCH = re.compile(r"^(\s*\\\w+)+\s*(?::=.*)?")
 def read_rapid(reading: BackupReading) -> None:
     """All modules of a task: data first, then statements."""
     kinds: dict[str, str] = {}  # of what is declared, by its name in small letters
-    modules = [RapidModule(file, PositionNames(reading, _WORD), kinds) for file in reading.files]
+    modules = [RapidModule(file, reading, kinds) for file in reading.files]
     for module in modules:
-        reading.whole(module.file, r"^[ \t]*MODULE\b", r"\bENDMODULE\b")
+        module.whole(r"^[ \t]*MODULE\b", r"\bENDMODULE\b")
         for data in _DATA.finditer(module.file.bare):
             module.declared(data)
     for module in modules:
@@ -56,15 +64,14 @@ def read_rapid(reading: BackupReading) -> None:
 
 
 def _pose(text: str) -> Matrix | None:
-    return pose_of(from_quaternion, [float(text[start:end]) for start, end in numbers_in(text)])
+    return pose_of(from_quaternion, values_in(text))
 
 
-class RapidModule(LineProgram):
+@dataclass
+class RapidModule(FileReading):
     """A module; `kinds` are those of the data of all modules."""
 
-    def __init__(self, file: SourceFile, names: PositionNames, kinds: dict[str, str]) -> None:
-        super().__init__(file, names)
-        self.kinds = kinds
+    kinds: dict[str, str]
 
     def _name(self, word: str) -> str:
         """A name as it is unique: LOCAL data are of their module alone, and hide those of others."""
@@ -96,12 +103,12 @@ class RapidModule(LineProgram):
             elif match is not None:
                 outer, inner = _pose(match[2 if tool else 3]), np.eye(4) if tool else _pose(match[4])
                 pose = None if outer is None or inner is None else outer @ inner
-            self.reading.frame(self.file, pos, "tool" if tool else "frame", name, pose, why)
+            self.frame(pos, "tool" if tool else "frame", name, pose, why)
 
     def _position(self, literal: re.Match[str], offset: int, name: str, label: str) -> None:
         pos = offset + literal.start()
         spans = numbers_in(literal[0], pos)
-        values = [float(self.file.text[begin:end]) for begin, end in spans]
+        values = self.numbers(spans)
         external = [value for value in values[11 if literal["pose"] else 6 :] if value != _UNUSED]
         if not literal["pose"]:
             self.add(pos, name, label, spans[:6], axes=range(6), external=external)
@@ -116,7 +123,7 @@ class RapidModule(LineProgram):
             name, pos = self._name(assigned[1]), start + assigned.start(1)
             kind = self.kinds.get(name, "")
             if kind.endswith("target"):
-                self.reading.overwrites(self.file, pos, name, assigned[1])
+                self.overwrites(pos, name, assigned[1])
             elif kind or name in ("tool0", "wobj0"):
                 self.refuse(pos, f"{assigned[1]} is set when the program runs")
         if shifted := _SHIFTED.search(text):
@@ -152,12 +159,13 @@ class RapidModule(LineProgram):
         """Its name; Offs and RelTool are relative to it."""
         if (literal := _LITERAL.fullmatch(goal)) is not None:
             at = self.file.bare.index("[", at)
-            self._position(literal, at, f"{self.file.name}:{at}", f"line {self.file.line(at)}")
-            return [f"{self.file.name}:{at}"]
+            name, label = self.inline(at)
+            self._position(literal, at, name, label)
+            return [name]
         added = _ADDED.fullmatch(goal)
         word = re.sub(r"\s*\{.*", "", added[2] if added else goal)
         if not _WORD.fullmatch(word) or ("(" in goal and added is None):
-            self.reading.computed(self.file, at, goal)
+            self.computed(at, goal)
             return []
         name = self._name(word)
         if added:

@@ -4,69 +4,65 @@ whose lines assign positions to names."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from .position import (
     NUMBER,
     Active,
     BackupReading,
-    Doubt,
+    FileReading,
     SourceFile,
-    Span,
     What,
     arguments_of,
     numbers_in,
     split_arguments,
+    values_in,
+    words_in,
 )
 from .position_names import PositionNames
 
-Arguments = list[tuple[int, str]]  # each with its place
+Lines = list[tuple[int, str]]  # or arguments, each with its place
 
 
-class LineProgram:
-    """A program, or a section of a file, whose lines are statements: what is set where, and its positions."""
+class LineProgram(FileReading):
+    """A program, or a section of a file, whose lines are statements. First `look` takes what they set, and
+    `jump` is how one begins that branches; then `statement` takes the positions of each."""
 
-    def __init__(self, file: SourceFile, names: PositionNames) -> None:
-        self.file, self.names, self.reading = file, names, names.reading
-        self.active = Active()
+    jump = re.compile(r"(?!)")
 
-    def add(
-        self,
-        pos: int,
-        name: str,
-        label: str,
-        spans: Sequence[Span],
-        configuration: Sequence[Span] = (),
-        **others: Any,
-    ) -> None:
-        self.reading.add(self.file, pos, name, label, spans, configuration, **others)
+    def __init__(self, file: SourceFile, reading: BackupReading, names: PositionNames) -> None:
+        super().__init__(file, reading)
+        self.names, self.active = names, Active()
+        self.lines: Lines = []
 
-    def unread(self, pos: int, sentence: str, label: str | None = "") -> None:
-        self.reading.unread(self.file, pos, sentence, label)
+    def look(self, pos: int, text: str) -> None:
+        """A line that may set the tool or the frame."""
 
-    def refuse(self, pos: int, sentence: str) -> None:
-        self.reading.refuse(self.file, pos, sentence)
+    def statement(self, pos: int, text: str) -> None:
+        """A line that may move, or change a position."""
+        raise NotImplementedError
 
-    def doubt(self, pos: int, kind: Doubt, sentence: str) -> None:
-        self.reading.doubt(self.file, pos, kind, sentence)
+    def prepare(self, lines: Lines) -> None:
+        """What these lines set where; a `def` before all others is no branch."""
+        self.lines = lines
+        for number, (pos, text) in enumerate(lines):
+            self.active.jumps |= (number > 0 or text[:4] != "def ") and self.jump.match(text) is not None
+            self.look(pos, text)
 
-    def moves(
-        self, pos: int, names: Sequence[str], tool: str | None = None, frame: str | None = None
-    ) -> None:
-        self.reading.moves(self.file, pos, names, tool, frame)
+    def run(self) -> None:
+        """Its motions, and what else has positions."""
+        for pos, text in self.lines:
+            self.statement(pos, text)
 
-    def relative(
-        self,
-        pos: int,
-        sentence: str,
-        names: Sequence[str] = (),
-        offset: Sequence[float] | None = None,
-        axes: What | None = None,
-    ) -> None:
-        """A move by an offset from a goal, or from where the arm is."""
-        by = None if offset is None else tuple(offset)
-        self.reading.doubt(self.file, pos, "relative", sentence, names[0] if names else None, by, axes)
+    def goes(self, pos: int, names: Sequence[str], frame: str | None = None) -> None:
+        """A motion with the tool that is set there, and the frame, if none is stated."""
+        self.moves(pos, names, self.active.at("tool", pos), frame or self.active.at("frame", pos))
+
+    def added(self, text: str) -> list[float]:
+        """The numbers of a stored position that is no place, but an offset or a tool; empty of others."""
+        keys = self.names.keys.get(self.names.plain(text), [])
+        self.reading.added |= {*keys}
+        return [value for one in self.reading.positions if one.name in keys for value in one.values]
 
 
 class Script(LineProgram):
@@ -78,12 +74,11 @@ class Script(LineProgram):
     begin = re.compile(r"(?!)")
     assign: re.Pattern[str]
     move: re.Pattern[str]
-    jump: re.Pattern[str]
     refused: re.Pattern[str]
     word = re.compile(r"(?<![\w.\"'$])[A-Za-z_]\w*(?!\w)")
 
     def __init__(self, file: SourceFile, reading: BackupReading, names: PositionNames | None = None) -> None:
-        super().__init__(file, names or PositionNames(reading, self.word))
+        super().__init__(file, reading, names or PositionNames(self.word))
         self.kinds: dict[str, set[bool]] = {}
         self.joints = False  # whether the motion at hand takes a literal as joints
 
@@ -96,11 +91,11 @@ class Script(LineProgram):
     def setting(self, pos: int, text: str) -> None:
         """A line that may set the tool or the frame."""
 
-    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+    def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
         """Those of the arguments that are goals."""
         raise NotImplementedError
 
-    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+    def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
         """A motion, with its arguments."""
         raise NotImplementedError
 
@@ -110,37 +105,33 @@ class Script(LineProgram):
 
     def other(self, pos: int, text: str) -> None:
         """A line that neither moves nor assigns."""
-        self.names.used(self.file, pos, text)
+        self.names.used(self, pos, text)
 
-    def arguments(self, text: str, move: re.Match[str]) -> Arguments:
+    def arguments(self, text: str, move: re.Match[str]) -> Lines:
         return arguments_of(text, move.end())
 
     # What they share
 
-    def prepare(self, start: int = 0, end: int | None = None) -> None:
-        """Its lines from one place to another, of which brackets that are open go on: what they set and
-        assign."""
+    def scan(self, start: int = 0, end: int | None = None) -> None:
+        """Prepare its lines from one place to another, of which brackets that are open go on."""
         parts = split_arguments(self.file.bare[start:end], "\n;")
-        self.lines = [
+        lines = [
             (start + at + len(part) - len(part.lstrip()), part.strip()) for at, part in parts if part.strip()
         ]
-        for number, (pos, text) in enumerate(self.lines):
+        for pos, text in lines:
             if len(re.findall(r"[\[({]", text)) != len(re.findall(r"[\])}]", text)):
                 self.unread(pos, "a bracket is not closed, or not opened")
-            self.active.jumps |= (number > 0 or text[:4] != "def ") and self.jump.match(text) is not None
             for move in self.move.finditer(text):
                 for _, goal in self.goals_of(move, self.arguments(text, move)):
                     for word in self.word.findall(goal):
                         self.kinds.setdefault(self.names.plain(word), set()).add(self.takes_joints(move))
-        for pos, text in self.lines:
-            self.setting(pos, text)
-            if (assign := self.assign.fullmatch(text)) is not None and not assign["index"]:
-                self.assigned(pos, assign)
+        self.prepare(lines)
 
-    def run(self) -> None:
-        """Its motions, and what else has positions."""
-        for pos, text in self.lines:
-            self.statement(pos, text)
+    def look(self, pos: int, text: str) -> None:
+        """What a line sets, and assigns."""
+        self.setting(pos, text)
+        if (assign := self.assign.fullmatch(text)) is not None and not assign["index"]:
+            self.assigned(pos, assign)
 
     def assigned(self, pos: int, assign: re.Match[str]) -> None:
         """A position, if it is a literal that says what it is, or that a motion takes as what it is."""
@@ -163,7 +154,7 @@ class Script(LineProgram):
         """A text that begins as a literal and is none: a position that is not understood, unless it is
         computed, of names."""
         begin = self.begin.match(text)
-        words = [] if begin is None else re.findall(r"[\w.]+(?:(?<=[eE])[-+]\d+)?", text[begin.end() :])
+        words = [] if begin is None else words_in(text[begin.end() :])
         numbers = [word for word in words if not re.match(r"[^\W\d]", word)]
         if numbers and (numbers == words or not all(re.fullmatch(NUMBER, word) for word in numbers)):
             self.unread(pos, f"{label}: this position is not understood", label)
@@ -173,7 +164,7 @@ class Script(LineProgram):
     ) -> None:
         """The position of a literal at `pos`."""
         spans = numbers_in(literal["numbers"], pos + literal.start("numbers"))
-        self.reading.six(self.file, pos, key, label, spans, joints=joints, register=register)
+        self.six(pos, key, label, spans, joints=joints, register=register)
 
     def statement(self, pos: int, text: str) -> None:
         if (refused := self.refused.search(text)) is not None:
@@ -188,24 +179,25 @@ class Script(LineProgram):
         if assign is None and not moves and not self.jump.match(text):
             self.other(pos, text)
         elif assign is not None and not moves:
-            name, plain = assign["name"], self.names.plain(assign["name"])
-            fixed = self.literal.fullmatch(assign["value"].strip()) is not None and not assign["index"]
+            name, plain, value = assign["name"], self.names.plain(assign["name"]), assign["value"].strip()
+            fixed = self.literal.fullmatch(value) is not None and not assign["index"]
+            if not fixed and (self.begin.match(value) or self.names.stored_in(value)):
+                self.reading.made.append((self.file.line(pos), name))
             if re.search(r"[\[(].*[a-z_]", plain) and plain not in self.names.keys:
                 sentence = f"{name}: which position is overwritten is not known before it runs"
                 self.refuse(pos, sentence)
             elif not fixed and (plain in self.names.keys or plain in self.kinds):
-                self.reading.overwrites(self.file, pos, self.names.of(self.file, name)[0], name)
-            self.names.used(self.file, pos, assign["value"])
+                self.overwrites(pos, self.names.of(self.file, name)[0], name)
+            self.names.used(self, pos, assign["value"])
 
     def goal(self, pos: int, text: str) -> list[str]:
         """The names of a goal of a motion."""
         if (literal := self.literal.fullmatch(text)) is not None:
-            key, joints = f"{self.file.name}:{pos}", self.is_joints(literal)
-            joints = self.joints if joints is None else joints
-            self.add_literal(pos, literal, key, f"line {self.file.line(pos)}", joints=joints)
+            (key, label), joints = self.inline(pos), self.is_joints(literal)
+            self.add_literal(pos, literal, key, label, joints=self.joints if joints is None else joints)
             return [one.name for one in self.reading.positions[-1:] if one.name == key]
-        self.damaged(pos, text, f"line {self.file.line(pos)}")
-        return self.names.goals(self.file, pos, text)
+        self.damaged(pos, text, self.inline(pos)[1])
+        return self.names.goals(self, pos, text)
 
     def step(
         self,
@@ -216,17 +208,9 @@ class Script(LineProgram):
         axes: What | None = None,
         unit: float = 1,
     ) -> None:
-        """A relative motion by what a text means, from a goal or from where the arm is."""
-        self.reading.added |= set(self.names.keys.get(self.names.plain(by), []))
-        self.relative(pos, text[:40], names, self.offset(by, unit), axes)
-
-    def offset(self, text: str, unit: float = 1) -> list[float] | None:
-        """mm of a literal or a name; None where it is not in numbers, or a rotation too."""
-        keys, literal = self.names.keys.get(self.names.plain(text), []), self.literal.fullmatch(text)
-        numbers = [value for one in self.reading.positions if one.name in keys for value in one.values]
-        if literal is not None:
-            spans: Iterable[tuple[int, int]] = numbers_in(literal["numbers"])
-            numbers = [float(literal["numbers"][slice(*span)]) for span in spans]
-        return (
-            [unit * value for value in numbers[:3]] if len(numbers) >= 3 and not any(numbers[3:6]) else None
-        )
+        """A relative motion by mm of what a text means, from a goal or from where the arm is; it is not in
+        numbers where it rotates too."""
+        literal = self.literal.fullmatch(by)
+        numbers = self.added(by) if literal is None else values_in(literal["numbers"])
+        plain = len(numbers) >= 3 and not any(numbers[3:6])
+        self.relative(pos, text[:40], names, [unit * each for each in numbers[:3]] if plain else None, axes)

@@ -5,7 +5,16 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, BackupReading, SourceFile, What, numbers_in, pose_of, split_arguments
+from .position import (
+    NUMBER,
+    BackupReading,
+    FileReading,
+    What,
+    numbers_in,
+    pose_of,
+    split_arguments,
+    values_in,
+)
 from .position_names import SharedNames
 from .script import LineProgram
 
@@ -44,16 +53,17 @@ _BEHIND = re.compile(r"\)[ \t]*[-+:]")
 
 def read_spel(reading: BackupReading) -> None:
     """Files of points first, then functions. P1 of a program is that of each file of points."""
-    names = SpelNames(reading, _WORD)
+    names = SpelNames(_WORD)
     for file in reading.files:
         if file.suffix == ".pts":
-            _points(file, names)
+            _points(FileReading(file, reading), names)
     for file in reading.files:
         if file.suffix != ".pts":
             for function in _FUNCTION.finditer(file.bare):
-                lines = list(re.finditer(r"[^\r\n]+", file.bare[: function.end()]))
-                inside = [line for line in lines if line.start() > function.start()]
-                SpelFunction(file, names).run(inside)
+                _, *lines = re.compile(r"[^\r\n]+").finditer(file.bare, *function.span())
+                program = SpelFunction(file, reading, names)
+                program.prepare([(line.start(), line[0]) for line in lines])
+                program.run()
 
 
 class SpelNames(SharedNames):
@@ -64,19 +74,19 @@ class SpelNames(SharedNames):
         return f"p{int(name[1:])}" if re.fullmatch(r"p\d+", name) else name
 
 
-def _points(file: SourceFile, names: SharedNames) -> None:
-    reading = names.reading
+def _points(here: FileReading, names: SharedNames) -> None:
+    file = here.file
     rest = _POINT.sub(lambda point: re.sub(r"[^\n]", " ", point[0]), file.text)
     for line in re.finditer(r"[^\r\n]+", _HEAD.sub(lambda head: " " * len(head[0]), rest)):
         if line[0].strip():
-            reading.refuse(file, line.start(), "this position is not understood")
+            here.refuse(line.start(), "this position is not understood")
     if (checksum := re.search(r"^ENVT\d+,", file.text, _M)) is not None:
         sentence = "this line has a checksum, of which nothing is published: it stays as it was"
-        reading.doubt(file, checksum.start(), "call", sentence)
+        here.doubt(checksum.start(), "call", sentence)
     points = list(_POINT.finditer(file.text))
     for count in _COUNT.finditer(file.text):
         if int(count[2]) != (6 if count[1] == "Joints" else len(points)):
-            reading.refuse(file, count.start(), f"{count[0]}: there are {len(points)} points of six joints")
+            here.refuse(count.start(), f"{count[0]}: there are {len(points)} points of six joints")
     for point in points:
         fields = {field[1]: field for field in _FIELD.finditer(file.text, *point.span(1))}
         spans = {key: field.span(2) for key, field in fields.items()}
@@ -92,46 +102,40 @@ def _points(file: SourceFile, names: SharedNames) -> None:
             or not value.get("nLocal", "0").isdecimal()
             or not all(zero)
         ):
-            reading.refuse(file, point.start(), f"Point {number or '?'} is not understood")
+            here.refuse(point.start(), f"Point {number or '?'} is not understood")
             continue
         name = f"{file.name}:P{int(number)}"
         if name in names.keys.get(f"p{int(number)}", ()):
-            reading.refuse(file, point.start(), f"P{number} is listed twice")
+            here.refuse(point.start(), f"P{number} is listed twice")
         for key in (f"p{int(number)}", label):
             names.store(key, name)
         frame = str(int(value.get("nLocal", "0")))
         pose, words = [spans[key] for key in _POSE], [spans[key] for key in _WORDS if key in spans]
-        reading.add(file, point.start(), name, label or f"P{number}", pose, words, frame=frame)
+        here.add(point.start(), name, label or f"P{number}", pose, words, frame=frame)
 
 
 class SpelFunction(LineProgram):
     """A function of a program."""
 
-    def run(self, lines: list[re.Match[str]]) -> None:
-        """What sets tools, then its statements."""
-        for line in lines:
-            text, pos = line[0], line.start()
-            self.active.jumps |= _JUMP.match(text) is not None
-            if (put := _TOOL.match(text)) is not None:
-                self.active.set("tool", pos, put[1] and str(int(put[1])))
-            if (made := _TLSET.fullmatch(text)) is not None and made[2].count(",") == 5:
-                numbers = [float(made[2][slice(*span)]) for span in numbers_in(made[2])]
-                pose = pose_of(from_abc, numbers) if len(numbers) == 6 else None
-                self.reading.frame(self.file, pos, "tool", made[1], pose)
-            elif re.match(r"[ \t]*TLSet\b", text, _I):
-                self.refuse(pos, "TLSet: tools are set when the program runs")
-        for line in lines:
-            self._statement(line, self.active.at("tool", line.end()))
+    jump = _JUMP
 
-    def _statement(self, line: re.Match[str], tool: str | None) -> None:
-        text, pos = line[0], line.start() + len(line[0]) - len(line[0].lstrip())
+    def look(self, pos: int, text: str) -> None:
+        if (put := _TOOL.match(text)) is not None:
+            self.active.set("tool", pos, put[1] and str(int(put[1])))
+        if (made := _TLSET.fullmatch(text)) is not None and made[2].count(",") == 5:
+            numbers = values_in(made[2])
+            self.frame(pos, "tool", made[1], pose_of(from_abc, numbers) if len(numbers) == 6 else None)
+        elif re.match(r"[ \t]*TLSet\b", text, _I):
+            self.refuse(pos, "TLSet: tools are set when the program runs")
+
+    def statement(self, pos: int, text: str) -> None:
         if (refused := _REFUSED.match(text)) is not None:
             return self.refuse(pos, f"{refused[1].split()[0]}: pulses, frames or points that are set then")
         if (move := _MOVE.search(text)) is not None:
             parts = re.split(r"!|\b(?:Till|Find|Sense|LimZ)\b", move[2], flags=_I)[0]
             for at, part in split_arguments(parts):
-                begin = line.start() + move.start(2) + at + len(part) - len(part.lstrip())
-                self._goal(begin, part.strip(), tool)
+                begin = pos + move.start(2) + at + len(part) - len(part.lstrip())
+                self._goal(begin, part.strip())
             return None
         if (step := _STEP.search(text)) is not None:
             axes: What = "frame" if step[1][0] in "bB" else "tool"
@@ -142,23 +146,22 @@ class SpelFunction(LineProgram):
                 return self.refuse(pos, f"{store[1]}: which point is overwritten is not known before")
             if name in self.names.keys or re.fullmatch(r"p\d+", name):
                 for each in self.names.of(self.file, name):
-                    self.reading.overwrites(self.file, pos, each, store[1])
+                    self.overwrites(pos, each, store[1])
                 return None
-        return self.names.used(self.file, pos, text)
+        return self.names.used(self, pos, text)
 
-    def _goal(self, pos: int, goal: str, tool: str | None) -> None:
+    def _goal(self, pos: int, goal: str) -> None:
         literal, match = _LITERAL.match(goal), _GOAL.fullmatch(goal)
         if literal is not None:
             spans = numbers_in(literal[2], pos + literal.start(2))
             if len(spans) != 6 or literal[2].count(",") != 5 or "@" in goal or _BEHIND.search(goal):
                 return self.refuse(pos, f"{goal[:40]} is not understood")
-            joints, name = literal[1].upper() == "JA", f"{self.file.name}:{pos}"
-            frame, label = None if joints else "0", f"line {self.file.line(pos)}"
-            self.reading.six(self.file, pos, name, label, spans, joints=joints, frame=frame)
-            return self.reading.moves(self.file, pos, [name], tool)
+            joints, (name, label) = literal[1].upper() == "JA", self.inline(pos)
+            self.six(pos, name, label, spans, joints=joints, frame=None if joints else "0")
+            return self.goes(pos, [name])
         called = _CALLED.match(goal) is not None
         if match is None or match["name"].lower() == "here" or called:
-            return self.reading.computed(self.file, pos, goal)
+            return self.computed(pos, goal)
         if re.fullmatch(r"CP|C[0-7]|LJM|ROT|ECP|SYNC", match["name"], _I):
             return None
         if match["other"].strip():
@@ -169,7 +172,7 @@ class SpelFunction(LineProgram):
             plain = len(shifts) == len(re.findall(r"\(", match["added"]))
             by = [sum(float(s + v) for s, a, v in shifts if a.upper() == axis) for axis in "XYZ"]
             self.relative(pos, goal[:40], several, by if plain else None, "frame")
-        return self.reading.moves(self.file, pos, several, tool)
+        return self.goes(pos, several)
 
 
 def _step(text: str) -> list[float] | None:

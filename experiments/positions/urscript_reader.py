@@ -6,8 +6,8 @@ import re
 from dataclasses import replace
 
 from ...model.kinematics.orientation import from_rotation_vector
-from .position import NUMBER, BackupReading, arguments_of, numbers_in, pose_of
-from .script import Arguments, Script
+from .position import NUMBER, BackupReading, arguments_of, pose_of, values_in
+from .script import Lines, Script
 
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
 _TCP = re.compile(r"\bset_tcp\s*\(")
@@ -19,9 +19,9 @@ _MM = 1000.0
 def read_urscript(reading: BackupReading) -> None:
     """Each script has variables of its own."""
     for file in reading.files:
-        reading.whole(file, r"^[ \t]*(?:def|sec|thread|if|while)\b[^\n]*:", r"(?<![\w.])end(?!\w)")
         program = UrProgram(file, reading)
-        program.prepare()
+        program.whole(r"^[ \t]*(?:def|sec|thread|if|while)\b[^\n]*:", r"(?<![\w.])end(?!\w)")
+        program.scan()
         program.run()
     stored = {one.name for one in reading.positions if one.kind == "joints"}
     for number, one in enumerate(reading.positions):
@@ -57,17 +57,14 @@ class UrProgram(Script):
 
     def tool(self, pos: int, text: str) -> str | None:
         """The name of a tool that is set, which is its text; None where that is computed."""
-        literal, keys = self.literal.fullmatch(text), self.names.keys.get(self.names.plain(text), [])
-        numbers = [list(one.values) for one in self.reading.positions if one.name in keys]
-        self.reading.added |= set(keys)
+        numbers, literal = self.added(text), self.literal.fullmatch(text)
         if literal is not None and literal["kind"]:
-            spans = numbers_in(literal["numbers"])
-            numbers = [[float(literal["numbers"][slice(*span)]) for span in spans]]
-        name = f"p{numbers[0]}" if numbers else ""
-        if not numbers or len(numbers[0]) != 6:
+            numbers = values_in(literal["numbers"])
+        if len(numbers) != 6:
             return None
+        name = f"p{numbers}"
         if ("tool", name) not in self.reading.frames:
-            self.reading.frame(self.file, pos, "tool", name, pose_of(from_rotation_vector, numbers[0]))
+            self.frame(pos, "tool", name, pose_of(from_rotation_vector, numbers))
         return name
 
     def add_literal(
@@ -75,12 +72,12 @@ class UrProgram(Script):
     ) -> None:
         super().add_literal(pos, literal, key, label, joints=joints, register=register and not joints)
 
-    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+    def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
         return arguments[: 2 if move["kind"].endswith("c") else 1]
 
-    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+    def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
         names = [name for at, text in self.goals_of(move, arguments) for name in self.goal(at, text)]
-        self.moves(pos, names, self.active.at("tool", pos), "base")
+        self.goes(pos, names, "base")
 
     def other(self, pos: int, text: str) -> None:
         if (speed := re.search(r"\b(?:speed[jl]|force_mode)\s*\(", text)) is not None:
@@ -95,7 +92,7 @@ class UrProgram(Script):
         if call[1] == "get_inverse_kin":
             return self.inverse(*parts)
         if len(parts) != 2 or self.literal.fullmatch(parts[1][1]) is None:
-            self.reading.computed(self.file, pos, text)
+            self.computed(pos, text)
             return []
         names = [] if _HERE.fullmatch(parts[0][1]) else self.goal(*parts[0])
         self.step(pos, text, parts[1][1], names, "tool" if call[1] == "pose_trans" else "frame", _MM)

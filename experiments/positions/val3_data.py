@@ -9,20 +9,18 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_xyz
-from .position import NUMBER, BackupReading, SourceFile, Span, What, pose_of
+from .position import NUMBER, FileReading, SourceFile, Span, What, pose_of
 from .position_names import PositionNames
 
 _ROOTS = ("world[0]", "flange[0]")
 _TAG = re.compile(r"<(?P<tag>[\w:.-]+)(?P<rest>(?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")
 _ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 _REMARK = re.compile(r"<!--.*?-->", re.DOTALL)
+_PLAIN = ("joint", "point", "tool", "frame")
 _KINDS = {
     "jointrx": "joint",
     "pointrx": "point",
-    "joint": "joint",
-    "point": "point",
-    "tool": "tool",
-    "frame": "frame",
+    **{kind: kind for kind in ("joint", "point", "tool", "frame")},
 }
 _POSE, _WORDS = ("x", "y", "z", "rx", "ry", "rz"), ("shoulder", "elbow", "wrist")
 
@@ -38,17 +36,24 @@ class _Datum:
     fields: dict[str, Span] = field(default_factory=dict)
 
 
+@dataclass
 class Val3Names(PositionNames):
-    """NAME is NAME[0]."""
+    """NAME is NAME[0]; `kinds` are those of the data of an application, whose folder is the scope."""
+
+    kinds: dict[str, str] = field(default_factory=dict)
 
     def plain(self, name: str) -> str:
         word, _, index = re.sub(r"\s", "", name).lower().partition("[")
         return f"{word}[{index.removesuffix(']').lstrip('0') or '0'}]"
 
+    def scoped(self, plain: str) -> str:
+        """The name of a tool or frame in the backup: with its folder, where there are several."""
+        return plain if plain in _ROOTS or not self.scope else f"{self.scope}:{plain}"
 
-def read_data(file: SourceFile, reading: BackupReading, names: Val3Names) -> dict[str, str]:
-    """The kinds of data by name; positions, tools and frames are added."""
-    data: list[_Datum] = []
+
+def read_data(here: FileReading, names: Val3Names) -> None:
+    """Positions, tools and frames, and the kinds of all data."""
+    file, data = here.file, list[_Datum]()
     kind = name = father = ""
     text = _REMARK.sub(lambda remark: re.sub(r"[^\n]", " ", remark[0]), file.text)
     for tag in _TAG.finditer(text):
@@ -58,11 +63,8 @@ def read_data(file: SourceFile, reading: BackupReading, names: Val3Names) -> dic
         words = {key: value for key, (value, _) in attributes.items()}
         spans = {key: each.span(2 if each[2] is not None else 3) for key, (_, each) in attributes.items()}
         if tag["tag"] == "Data" or (tag["tag"] in _KINDS and "name" in words):
-            kind, name, father = (
-                _KINDS.get(words.get("type", tag["tag"]).lower(), ""),
-                words.get("name", ""),
-                "",
-            )
+            kind = _KINDS.get(words.get("type", tag["tag"]).lower(), "")
+            name, father = words.get("name", ""), ""
         elif tag["tag"].endswith("Father"):
             library = f"{words['alias']}:" if words.get("alias") else ""
             father = f"{library}{words.get('name', '')}[{words.get('fatherIndex', '0')}]"
@@ -73,20 +75,19 @@ def read_data(file: SourceFile, reading: BackupReading, names: Val3Names) -> dic
             data[-1].fields.update(spans)
     poses = {names.plain(one.name): one for one in data if one.kind in ("tool", "frame")}
     for one in data:
-        _datum(file, one, poses, reading, names)
-    return {names.plain(one.name): one.kind for one in data if one.kind}
+        _datum(here, one, poses, names)
+    names.kinds |= {names.plain(one.name): one.kind for one in data if one.kind}
 
 
-def _datum(
-    file: SourceFile, one: _Datum, poses: dict[str, _Datum], reading: BackupReading, names: Val3Names
-) -> None:
+def _datum(here: FileReading, one: _Datum, poses: dict[str, _Datum], names: Val3Names) -> None:
+    file = here.file
     plain, keys = names.plain(one.name), [f"j{i}" for i in range(1, 7)] if one.kind == "joint" else _POSE
     spans = [one.fields[key] for key in keys if key in one.fields]
     if one.kind in ("tool", "frame"):
         pose = _pose(file, plain, poses, names) if plain not in _ROOTS else None
         if pose is not None or (spans and plain not in _ROOTS):
             what: What = "tool" if one.kind == "tool" else "frame"
-            reading.frame(file, one.pos, what, scoped(plain, names), pose, "it is not in six numbers")
+            here.frame(one.pos, what, names.scoped(plain), pose, "it is not in six numbers")
     elif one.kind and spans:
         numeric = all(re.fullmatch(NUMBER, file.text[slice(*span)]) for span in spans)
         if (
@@ -96,7 +97,7 @@ def _datum(
             or any(re.fullmatch(r"j[7-9]", k) for k in one.fields)
         ):
             sentence = f"{one.name} states {len(spans)} numbers, or is there twice: write out six of it"
-            return reading.unread(file, one.pos, sentence, one.name)
+            return here.unread(one.pos, sentence, one.name)
         key, words = f"{names.scope}:{plain}", [one.fields[word] for word in _WORDS if word in one.fields]
         names.store(plain, key)
         if (
@@ -104,13 +105,8 @@ def _datum(
             or len(words) < 3
         ):
             words = []
-        frame = None if one.kind == "joint" else scoped(names.plain(one.father), names)
-        reading.six(file, one.pos, key, one.name, spans, words, joints=one.kind == "joint", frame=frame)
-
-
-def scoped(plain: str, names: Val3Names) -> str:
-    """The name of a tool or frame in the backup: with its folder, where there are several."""
-    return plain if plain in _ROOTS or not names.scope else f"{names.scope}:{plain}"
+        frame = None if one.kind == "joint" else names.scoped(names.plain(one.father))
+        here.six(one.pos, key, one.name, spans, words, joints=one.kind == "joint", frame=frame)
 
 
 def _pose(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from xml.etree import ElementTree
 
-from .position import NUMBER, BackupReading, SourceFile, What, arguments_of
-from .script import Arguments, Script
-from .val3_data import Val3Names, read_data, scoped
+from .position import NUMBER, BackupReading, FileReading, What, arguments_of
+from .script import Lines, Script
+from .val3_data import Val3Names, read_data
 
 _CODE = re.compile(r"<(Code|code)\b[^>]*>(?:\s*<!\[CDATA\[)?(.*?)(?:\]\]>\s*)?</\1>", re.DOTALL)
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
@@ -16,32 +16,35 @@ _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
 def read_val3(reading: BackupReading) -> None:
     """Each folder is an application."""
     scopes: dict[str, Val3Names] = {}
-    data: dict[str, dict[str, str]] = {}
     for file in reading.files:
-        folder = file.name.rpartition("/")[0]
-        names = scopes.setdefault(folder, Val3Names(reading, Val3Program.word, scope=folder))
+        folder, here = file.name.rpartition("/")[0], FileReading(file, reading)
+        names = scopes.setdefault(folder, Val3Names(Val3Program.word, scope=folder))
         try:
             ElementTree.fromstring(file.text.encode("ascii", "replace"))
         except (ElementTree.ParseError, LookupError) as error:  # the encoding that it states
-            reading.unread(file, 0, f"this is no whole file of an application: {error}")
+            here.unread(0, f"this is no whole file of an application: {error}")
         if file.suffix == ".dtx":
-            data.setdefault(folder, {}).update(read_data(file, reading, names))
+            read_data(here, names)
         elif file.suffix == ".pjx" and (unit := re.search(r"millimeterUnit=[\"']false", file.text)):
-            reading.refuse(file, unit.start(), "lengths are inches, and millimetres alone are read")
+            here.refuse(unit.start(), "lengths are inches, and millimetres alone are read")
     for file in reading.files:
-        folder = file.name.rpartition("/")[0]
-        if file.suffix == ".pgx":
-            for code in _CODE.finditer(file.text):
-                program = Val3Program(file, reading, scopes[folder], data.get(folder, {}))
-                program.prepare(*code.span(2))
-                program.run()
-            for local in re.finditer(r"<(?:Local|Parameter|local|param)\b[^>]*?\bname=[\"'](\w+)", file.text):
-                if f"{local[1].lower()}[0]" in data.get(folder, {}):
-                    reading.refuse(file, local.start(), f"{local[1]} hides the data of this name")
+        if file.suffix != ".pgx":
+            continue
+        names = scopes[file.name.rpartition("/")[0]]
+        for code in _CODE.finditer(file.text):
+            program = Val3Program(file, reading, names)
+            program.scan(*code.span(2))
+            program.run()
+        for local in re.finditer(r"<(?:Local|Parameter|local|param)\b[^>]*?\bname=[\"'](\w+)", file.text):
+            if f"{local[1].lower()}[0]" in names.kinds:
+                sentence = f"{local[1]} hides the data of this name"
+                FileReading(file, reading).refuse(local.start(), sentence)
 
 
 class Val3Program(Script):
-    """A program of an application; `data` are the kinds of its data by name."""
+    """A program of an application."""
+
+    names: Val3Names
 
     literal = re.compile(rf"\{{\s*(?P<numbers>{_LIST})\s*\}}")
     assign = re.compile(
@@ -52,35 +55,29 @@ class Val3Program(Script):
     refused = re.compile(r"\b(?:setFrame|link|alter|setLatch)\s*\(")
     word = re.compile(r"(?<![\w.\"'$:])[A-Za-z_]\w*(?:\s*\[[^\]]*\])?(?!\w)")
 
-    def __init__(
-        self, file: SourceFile, reading: BackupReading, names: Val3Names, data: dict[str, str]
-    ) -> None:
-        super().__init__(file, reading, names)
-        self.application, self.data = names, data
-
     def is_joints(self, literal: re.Match[str]) -> bool | None:
         return None
 
     def assigned(self, pos: int, assign: re.Match[str]) -> None:
         """Data have their values before; what a program assigns overwrites them."""
 
-    def goals_of(self, move: re.Match[str], arguments: Arguments) -> Arguments:
+    def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
         return arguments[: 2 if move["kind"] == "c" else 1]
 
     def statement(self, pos: int, text: str) -> None:
         assign = self.assign.fullmatch(text)
-        if assign is not None and self.data.get(self.names.plain(assign["name"])) in ("tool", "frame"):
+        if assign is not None and self.names.kinds.get(self.names.plain(assign["name"])) in ("tool", "frame"):
             return self.refuse(pos, f"{assign['name']} is set when the program runs")
         if assign is not None and self.names.plain(assign["name"]) in self.names.keys:
             key = self.names.of(self.file, assign["name"])[0]
-            return self.reading.overwrites(self.file, pos, key, assign["name"])
+            return self.overwrites(pos, key, assign["name"])
         return super().statement(pos, text)
 
-    def motion(self, pos: int, move: re.Match[str], arguments: Arguments) -> None:
+    def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
         names = [name for at, text in self.goals_of(move, arguments) for name in self.goal(at, text)]
         tools = [self.names.plain(text) for _, text in arguments[-2:-1]]
         tool = next((each for each in tools if re.fullmatch(r"[\w:]+\[\d+\]", each)), "?")
-        self.moves(pos, names, scoped(tool, self.application) if tool != "?" else tool)
+        self.moves(pos, names, self.names.scoped(tool) if tool != "?" else tool)
 
     def goal(self, pos: int, text: str) -> list[str]:
         if (call := re.match(r"(appro|compose)\s*\(", text)) is None:
@@ -88,7 +85,7 @@ class Val3Program(Script):
         parts = [(pos + at, part) for at, part in arguments_of(text, call.end())]
         names = self.goal(*parts[0])
         fathers = {one.frame for one in self.reading.positions if one.name in names}
-        same = len(parts) == 3 and {scoped(self.names.plain(parts[1][1]), self.application)} == fathers
+        same = len(parts) == 3 and {self.names.scoped(self.names.plain(parts[1][1]))} == fathers
         axes: What | None = "tool" if call[1] == "appro" else "frame" if same else None
         self.step(pos, text, parts[-1][1], names, axes)
         return names

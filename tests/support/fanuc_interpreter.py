@@ -5,15 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from import_files import positions_of
 from program_arm import PendantArm
-
-from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 
 
 def carried_out(listing: str, arm: PendantArm, ground: bool = True, registers: int = 100) -> str:
     """posreg.va after the program has run; joint 3 counts from the ground, as the pendant has it."""
     assert listing.isascii()
-    points = {point.name: point.joints for point in fanuc_positions(listing, Path("a.ls"))}
+    points = {point.name: point.joints for point in positions_of("fanuc", listing, Path("a.ls"))}
     held: dict[int, list[float]] = {2: [1.0, 2, 3, 4, 5, 6]}  # of another program
     begun, end = listing.index("/MN\n") + 4, listing.index("/POS")
     for number, line in enumerate(listing[begun:end].splitlines(), start=1):

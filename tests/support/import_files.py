@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from zerobeam.experiments.makers import joint_text, known_logs
-from zerobeam.experiments.makers.abb import rapid_points
-from zerobeam.experiments.makers.fanuc import tp_points
 from zerobeam.experiments.makers.generic import csv_file, ros
 from zerobeam.experiments.makers.import_jobs import Imported, ImportJob
-from zerobeam.experiments.makers.kuka import krl_points
 from zerobeam.experiments.makers.maker import makers
+from zerobeam.experiments.makers.taught_format import TaughtPoint
 
+READERS = {reader.name: reader for maker in makers() for reader in maker.read}
 LAYOUTS = {log.name: log.layout for maker in makers() for log in maker.logs}
 
 
@@ -25,12 +25,17 @@ def of_files(read: Callable[..., Imported]) -> Callable[..., Imported]:
 
 
 import_csv = of_files(csv_file.import_csv)
-import_fanuc = of_files(tp_points.import_fanuc)
+import_fanuc = of_files(READERS["fanuc"].read)
 import_joint_states = of_files(ros.import_joint_states)
-import_kuka = of_files(krl_points.import_kuka)
+import_kuka = of_files(READERS["krl"].read)
 import_program_log = of_files(joint_text.import_program_log)
-import_rapid = of_files(rapid_points.import_rapid)
+import_rapid = of_files(READERS["rapid"].read)
 import_ros = of_files(ros.import_ros)
+
+
+def positions_of(kind: str, text: str, path: Path) -> list[TaughtPoint]:
+    """The positions of a text, without those that are left out."""
+    return [point for point in READERS[kind].marks[0].points(text, path) if not point.left_out]
 
 
 def import_log(kind: str, *arguments: Any, **options: Any) -> Imported:

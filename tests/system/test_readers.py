@@ -14,12 +14,11 @@ from exact_runs import demo_runs
 from export_runs import ARM, TURNING
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from import_files import positions_of
 from ruamel.yaml import YAML
 from small_results import small_result
 
 from zerobeam.analysis.repeatability.repeats import read_result, read_table
-from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
-from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.plans.obstacles import read_obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sensors_file
@@ -70,8 +69,8 @@ TEXTS: dict[str, tuple[str, Reader]] = {
         FILES["first.csv"],
         lambda path: table.read_table(path, header_row=True, delimiter=",", decimal=".", joints_of=None),
     ),
-    "fanuc": (FILES["shots.ls"], lambda path: fanuc_positions(read_text(path)[0], path)),
-    "kuka": (FILES["shots.dat"], lambda path: kuka_positions(read_text(path)[0], path)),
+    "fanuc": (FILES["shots.ls"], lambda path: positions_of("fanuc", read_text(path)[0], path)),
+    "kuka": (FILES["shots.dat"], lambda path: positions_of("krl", read_text(path)[0], path)),
 }
 
 _leaves = st.one_of(

@@ -1,12 +1,13 @@
 """ABB: MOC.cfg, RAPID, logs of EGM."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ....model.options import Option
-from ..maker import FormatMark, KnownLog, Maker, OffsetFile, PlanProgram, PointNames, Reader, require_vendor
-from ..program_template import ProgramTemplate, ToolName
+from ..maker import KnownLog, Maker, OffsetFile, PlanProgram, PointNames, require_vendor
+from ..manifest import ProgramTemplate, ToolName, read_taught, taught_reader
+from ..taught_format import TaughtFormat
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from ..calibration import RobotCalibration
     from ..format_options import ProgramMotion
     from ..generic.layouts import CsvLayout
-    from ..import_jobs import Imported, ImportJob, TaughtPoint
+    from ..import_jobs import Imported, ImportJob
 
 _AXES = 6  # rax_1 to rax_6 of a robjoint
 
@@ -84,7 +85,24 @@ _PROGRAM = ProgramTemplate(
 )
 
 
-def _read_rapid(
+_FORMAT = TaughtFormat(
+    "RAPID",
+    "Log of a plan's program, or modules with targets (.mod).",
+    "ABB: what a plan's program has recorded, or taught jointtargets and robtargets.",
+    (
+        (
+            r"^[^!\"\n]*\b(?:CONST|PERS|VAR)\s+(?:jointtarget|robtarget)\s",
+            "its declarations of RAPID targets",
+        ),
+    ),
+    log="RAPID",
+    declared=True,
+    digits=3,
+    note="RAPID jointtargets, angles in degrees, rax_1 first, external axes ignored",
+)
+
+
+def _read(
     job: "ImportJob",
     points: PointNames = None,
     tool: Annotated[
@@ -92,13 +110,16 @@ def _read_rapid(
     ] = None,
     frame: Annotated[str | None, Option("Their work object, if not wobj0: X,Y,Z,Q1,Q2,Q3,Q4.")] = None,
 ) -> "Imported":
-    """ABB: what a plan's program has recorded, or taught jointtargets and robtargets."""
-    from ..joint_text import import_program_log, is_program_log
-    from .rapid_points import import_rapid
+    from ....model.errors import BadInput
 
-    if points is None and is_program_log(job):
-        return import_program_log(job, source="RAPID")
-    return import_rapid(job, points=points, tool=tool, frame=frame)
+    if tool is None and frame is not None:
+        raise BadInput("--frame is of robtargets, and these need their tool", remedy="state --tool too")
+    if tool is None:
+        return read_taught(_FORMAT, job, points)
+    from .robtargets import joints_of
+
+    note = f"; robtargets by inverse kinematics of the nominal arm, tool {tool}, frame {frame or 'wobj0'}"
+    return read_taught(_FORMAT, job, points, posed=joints_of(job.robot, tool, frame, points), note=note)
 
 
 def _egm(joints: int) -> "CsvLayout":
@@ -114,33 +135,13 @@ def _egm(joints: int) -> "CsvLayout":
     )
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from .rapid_points import rapid_positions
-
-    return rapid_positions(text, path)
-
-
 MAKER = Maker(
     "ABB",
     "abb",
     r"abb|irb ?\d*\w*|yumi|gofa|swifti",
     offsets=(OffsetFile("moc", _moc), OffsetFile("rapid", _rapid_offsets, ending="mod")),
     program=(PlanProgram("rapid", "RAPID (ABB)", ("zb_plan.mod",), _PROGRAM, ("speed", "zone", "tool")),),
-    read=(
-        Reader(
-            "rapid",
-            _read_rapid,
-            "Log of a plan's program, or modules with targets (.mod).",
-            marks=(
-                FormatMark(
-                    r"^[^!\"\n]*\b(?:CONST|PERS|VAR)\s+(?:jointtarget|robtarget)\s",
-                    "its declarations of RAPID targets",
-                    _points,
-                ),
-            ),
-            program_log=True,
-        ),
-    ),
+    read=(taught_reader("rapid", _FORMAT, _read),),
     logs=(KnownLog("egm", "ABB EGM log of abb_libegm", _egm, ("TIMESTAMP", "R_FB_POS_RJ1")),),
     live="abb",
 )

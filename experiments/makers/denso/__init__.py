@@ -1,31 +1,27 @@
 """Denso: PacScript programs."""
 
-from ..line_format import LineFormat, LineParts
-from ..program_template import ProgramName, ProgramTemplate
+from ..maker import Maker, PlanProgram
+from ..manifest import ProgramName, ProgramTemplate, taught_reader
+from ..taught_format import TaughtFormat
 
-
-def _parts() -> LineParts:
-    from ...positions.position_languages import PACSCRIPT
-
-    return LineParts(PACSCRIPT, _PROGRAM)
-
-
-_NAME = ProgramName(
-    r"[A-Za-z]\w{0,63}",
-    "program",
-    "PacScript",
-    "a letter, then letters, digits and _: at most 64 (zb_plan.pcs)",
-)
+_NAME = ProgramName.word("program", "PacScript", 64, "zb_plan.pcs")
 _PROGRAM = ProgramTemplate("denso", "a PacScript program", "J", name=_NAME)
-_FORMAT = LineFormat(
-    _parts,
-    ("pacscript", "PacScript (Denso)", ("zb_plan.pcs",), ("speed",)),
+_FORMAT = TaughtFormat(
+    "PacScript",
     "Logs of a plan's program, or PacScript files (.pcs).",
     "Denso: the messages of a plan's program, or joint positions (J) of a PacScript program.",
     (
-        r"^[ \t]*[A-Za-z]\w*(?:\[\d+\])?[ \t]*=[ \t]*J[ \t]*\(",
-        "its joint positions (… = J(…)), as of a PacScript program",
+        (
+            r"^[ \t]*[A-Za-z]\w*(?:\[\d+\])?[ \t]*=[ \t]*J[ \t]*\(",
+            "its joint positions (… = J(…)), as of a PacScript program",
+        ),
     ),
     log="PacScript",
 )
-MAKER = _FORMAT.maker("Denso", "denso", r"denso|v[smp] ?\d+\w*|cobotta\w*")
+MAKER = Maker(
+    "Denso",
+    "denso",
+    r"denso|v[smp] ?\d+\w*|cobotta\w*",
+    program=(PlanProgram("pacscript", "PacScript (Denso)", ("zb_plan.pcs",), _PROGRAM, ("speed",)),),
+    read=(taught_reader("pacscript", _FORMAT),),
+)

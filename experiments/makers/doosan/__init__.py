@@ -1,22 +1,21 @@
 """Doosan: DRL programs."""
 
-from ..line_format import LineFormat, LineParts
-from ..program_template import ProgramTemplate
-
-
-def _parts() -> LineParts:
-    from ...positions.position_languages import DRL
-
-    return LineParts(DRL, _PROGRAM)
-
+from ..maker import Maker, PlanProgram
+from ..manifest import ProgramTemplate, taught_reader
+from ..taught_format import TaughtFormat
 
 _PROGRAM = ProgramTemplate("doosan", "a DRL program", "posj", quote=lambda text: text.replace('"', ""))
-_FORMAT = LineFormat(
-    _parts,
-    ("drl", "DRL (Doosan)", ("zb_plan.drl",), ("speed", "tool")),
+_FORMAT = TaughtFormat(
+    "DRL",
     "Logs of a plan's program, or DRL files (.drl).",
     "Doosan: the pendant's log of a plan's program, or joint positions (posj) of a DRL program.",
-    (r"\bposj[ \t]*\(", "its joint positions (posj), as of DRL"),
+    ((r"\bposj[ \t]*\(", "its joint positions (posj), as of DRL"),),
     log="DRL",
 )
-MAKER = _FORMAT.maker("Doosan", "doosan", r"doosan|[maeh]\d{4}s?")
+MAKER = Maker(
+    "Doosan",
+    "doosan",
+    r"doosan|[maeh]\d{4}s?",
+    program=(PlanProgram("drl", "DRL (Doosan)", ("zb_plan.drl",), _PROGRAM, ("speed", "tool")),),
+    read=(taught_reader("drl", _FORMAT),),
+)

@@ -1,19 +1,22 @@
 """FANUC: master counts, TP programs, position registers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ....model.options import Option
-from ..maker import FormatMark, J3Counting, Maker, OffsetFile, PlanProgram, PointNames, Reader
-from ..program_template import ProgramName, ProgramTemplate, ToolName
+from ..maker import J3Counting, Maker, OffsetFile, PlanProgram, PointNames
+from ..manifest import ProgramName, ProgramTemplate, ToolName, read_taught, taught_reader
+from ..taught_format import TaughtFormat, TaughtPoint
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
     from ..format_options import ProgramMotion
-    from ..import_jobs import Imported, ImportJob, TaughtPoint
+    from ..import_jobs import Imported, ImportJob
 
 
 def _sheet(
@@ -74,14 +77,11 @@ def _registers(plan: "Plan", motion: "ProgramMotion") -> Mapping[str, object]:
     return {"register": first, "last": last, "counted": counted}
 
 
-_NAME = ProgramName(
-    r"[A-Za-z]\w{0,35}", "program", "a FANUC", "a letter, then letters, digits and _: at most 36 (zb_plan.ls)"
-)
 _PROGRAM = ProgramTemplate(
     "fanuc",
     "a TP program",
     "a TP position",
-    name=_NAME,
+    name=ProgramName.word("program", "a FANUC", 36, "zb_plan.ls"),
     tool=ToolName(r"0*([1-9]|10)", "a tool frame number of FANUC", "1 to 10", "1"),
     quote=lambda text: text.replace(";", ","),
     more=_registers,
@@ -96,22 +96,60 @@ def _overwrites(plan: "Plan", motion: "ProgramMotion") -> str:
     )
 
 
-def _read_points(
+def _named(
+    text: str, points: list[TaughtPoint], first: int = 1, planned: int | None = None
+) -> list[TaughtPoint]:
+    """The P[n] of a listing, or position registers of group 1, by their numbers.
+
+    Registers that a plan's program has not measured are none; with `planned` (the number of postures) so
+    are those before `first` and behind the last posture, and each has its posture's number.
+    """
+    from ....model.errors import BadInput
+
+    points = [point._replace(name=point.name.strip("PR[]")) for point in points]
+    if _REGISTER not in text:
+        if not points and "/POS" not in text:
+            raise BadInput(
+                "the file is not a TP program with positions",
+                found="no line /POS",
+                allowed="a text listing (.ls)",
+                remedy="save the program as ASCII, not as .tp",
+            )
+        return points
+    if planned is not None:
+        points = [point._replace(number=int(point.name) - first) for point in points]
+        points = [point for point in points if point.number in range(planned)]
+    measured = [point for point in points if not point.joints or point.joints[0] != _NOT_MEASURED]
+    return [
+        point if point.joints or point.unread else point._replace(left_out="not in joints")
+        for point in measured
+    ]
+
+
+_REGISTER = "$POSREG"
+_NOT_MEASURED = 999.0  # deg, joint 1: what the program of a plan writes before it has measured
+_FORMAT = TaughtFormat(
+    "TP",
+    "TP programs (.ls) or position registers (posreg.va).",
+    "FANUC: positions in joint representation, taught or recorded by a plan's program.",
+    (
+        (r"\$POSREG", "its position registers ($POSREG)"),
+        (r"^/POS\b", "its line /POS, as of a TP program"),
+    ),
+    named=_named,
+    note="FANUC positions of group 1, angles in degrees, joint 1 first",
+)
+
+
+def _read(
     job: "ImportJob",
     j3: J3Counting = None,
     points: PointNames = None,
     register: Annotated[int, Option("With --plan: the first position register of its program.", least=1)] = 1,
 ) -> "Imported":
-    """FANUC: positions in joint representation, taught or recorded by a plan's program."""
-    from .tp_points import import_fanuc
-
-    return import_fanuc(job, j3=j3, points=points, register=register)
-
-
-def _positions(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from .tp_points import fanuc_positions
-
-    return fanuc_positions(text, path)
+    planned = None if job.plan is None else len(job.plan.postures)
+    named = partial(_named, first=register, planned=planned)
+    return read_taught(replace(_FORMAT, named=named), job, points, j3=j3)
 
 
 MAKER = Maker(
@@ -129,17 +167,6 @@ MAKER = Maker(
             overwrites=_overwrites,
         ),
     ),
-    read=(
-        Reader(
-            "fanuc",
-            _read_points,
-            "TP programs (.ls) or position registers (posreg.va).",
-            first=("files", "file", "j3"),
-            marks=(
-                FormatMark(r"\$POSREG", "its position registers ($POSREG)", _positions),
-                FormatMark(r"^/POS\b", "its line /POS, as of a TP program", _positions),
-            ),
-        ),
-    ),
+    read=(taught_reader("fanuc", _FORMAT, _read, first=("files", "file", "j3")),),
     live="fanuc://HOST",
 )

@@ -14,7 +14,7 @@ from ..maker import (
     PlanProgram,
     Reader,
 )
-from ..program_template import ProgramTemplate
+from ..manifest import ProgramTemplate
 from .layouts import NO_DWELLS, CsvLayout, PointLayout, Stillness
 
 if TYPE_CHECKING:

@@ -1,24 +1,21 @@
 """Kawasaki: AS programs."""
 
-from ..line_format import LineFormat, LineParts
-from ..program_template import ProgramName, ProgramTemplate
+from ..maker import Maker, PlanProgram
+from ..manifest import ProgramName, ProgramTemplate, taught_reader
+from ..taught_format import TaughtFormat
 
-
-def _parts() -> LineParts:
-    from ...positions.position_languages import AS
-
-    return LineParts(AS, _PROGRAM)
-
-
-_NAME = ProgramName(
-    r"[A-Za-z]\w{0,14}", "program", "AS", "a letter, then letters, digits and _: at most 15 (zb_plan.as)"
-)
+_NAME = ProgramName.word("program", "AS", 15, "zb_plan.as")
 _PROGRAM = ProgramTemplate("kawasaki", "an AS program", "a joint displacement value", name=_NAME)
-_FORMAT = LineFormat(
-    _parts,
-    ("as", "AS (Kawasaki)", ("zb_plan.as",), ("speed", "zone", "tool")),
+_FORMAT = TaughtFormat(
+    "AS",
     "Saved AS files (.as, .pg).",
     "Kawasaki: joint displacement values (#name) of a saved file, taught or recorded by a plan's program.",
-    (r"^[ \t]*\.(?:PROGRAM|JOINTS|TRANS)\b", "its lines .PROGRAM or .JOINTS, as of an AS file"),
+    ((r"^[ \t]*\.(?:PROGRAM|JOINTS|TRANS)\b", "its lines .PROGRAM or .JOINTS, as of an AS file"),),
 )
-MAKER = _FORMAT.maker("Kawasaki", "kawasaki", r"kawasaki|rs ?\d+\w*|bx ?\d+\w*|duaro\w*")
+MAKER = Maker(
+    "Kawasaki",
+    "kawasaki",
+    r"kawasaki|rs ?\d+\w*|bx ?\d+\w*|duaro\w*",
+    program=(PlanProgram("as", "AS (Kawasaki)", ("zb_plan.as",), _PROGRAM, ("speed", "zone", "tool")),),
+    read=(taught_reader("as", _FORMAT),),
+)

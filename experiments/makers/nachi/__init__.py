@@ -1,28 +1,17 @@
 """Nachi: SLIM programs of joint positions."""
 
 import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from ..line_format import LineFormat, LineParts
-from ..program_template import ProgramTemplate, ToolName
-
-if TYPE_CHECKING:
-    from ..import_jobs import TaughtPoint
-
-
-def _parts() -> LineParts:
-    from ...positions.joint_lists import SLIM
-
-    return LineParts(SLIM, _PROGRAM, _named, digits=3)
-
+from ..maker import Maker, PlanProgram
+from ..manifest import ProgramTemplate, ToolName, taught_reader
+from ..taught_format import TaughtFormat, TaughtPoint
 
 _LABELLED = re.compile(
     r"""^[ \t]*(?:REM[ \t]*"|')(zb_[pv][\d_]+)\b[^\n]*\n[ \t]*MOVEX\b""", re.MULTILINE | re.IGNORECASE
 )
 
 
-def _named(text: str, points: "Sequence[TaughtPoint]") -> "list[TaughtPoint]":
+def _named(text: str, points: list[TaughtPoint]) -> list[TaughtPoint]:
     """The positions of a program, those of a plan's program by the names in its remarks."""
     from ....model.errors import BadInput
     from ....model.parsing.reading import line_numbers
@@ -45,11 +34,18 @@ _PROGRAM = ProgramTemplate(
     quote=lambda text: text.replace('"', ""),
     newline="\r\n",
 )
-_FORMAT = LineFormat(
-    _parts,
-    ("slim", "SLIM (Nachi)", ("zb_plan.slim",), ("speed", "tool")),
+_FORMAT = TaughtFormat(
+    "SLIM",
     "Programs as text (NAME.001).",
     "Nachi: joint positions (MOVEX … M1J) of a program that was taught, or modified in a plan's program.",
-    (r"\bM1J\b", "its joint positions (M1J), as of a SLIM program"),
+    ((r"\bM1J\b", "its joint positions (M1J), as of a SLIM program"),),
+    named=_named,
+    digits=3,
 )
-MAKER = _FORMAT.maker("Nachi", "nachi", r"nachi|mz ?\d+\w*")
+MAKER = Maker(
+    "Nachi",
+    "nachi",
+    r"nachi|mz ?\d+\w*",
+    program=(PlanProgram("slim", "SLIM (Nachi)", ("zb_plan.slim",), _PROGRAM, ("speed", "tool")),),
+    read=(taught_reader("slim", _FORMAT),),
+)

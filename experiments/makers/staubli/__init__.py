@@ -1,22 +1,11 @@
 """Stäubli: VAL3 applications."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-from ..line_format import LineFormat, LineParts
-from ..program_template import ProgramName, ProgramTemplate
-
-if TYPE_CHECKING:
-    from ..import_jobs import TaughtPoint
+from ..maker import Maker, PlanProgram
+from ..manifest import ProgramName, ProgramTemplate, taught_reader
+from ..taught_format import TaughtFormat, TaughtPoint
 
 
-def _parts() -> LineParts:
-    from ...positions.position_languages import VAL3
-
-    return LineParts(VAL3, _PROGRAM, _named, digits=3)
-
-
-def _named(text: str, points: "Sequence[TaughtPoint]") -> "list[TaughtPoint]":
+def _named(text: str, points: list[TaughtPoint]) -> list[TaughtPoint]:
     """The positions of a data file: NAME is NAME[0]."""
     return [point._replace(name=point.name.removesuffix("[0]")) for point in points]
 
@@ -28,6 +17,7 @@ _NAME = ProgramName(
     "a letter, then letters, digits and _: at most 15, and .pjx (zb_plan/zb_plan.pjx)",
     "choose another name for the file, in a folder of its own",
 )
+_FILES = ("zb_plan.pjx", "start.pgx", "stop.pgx", "zb_plan.dtx")
 _PROGRAM = ProgramTemplate(
     "staubli",
     "a VAL3 application",
@@ -36,11 +26,18 @@ _PROGRAM = ProgramTemplate(
     name=_NAME,
     escape=lambda text: text.replace("]]>", "]] >"),
 )
-_FORMAT = LineFormat(
-    _parts,
-    ("val3", "VAL3 (Stäubli)", ("zb_plan.pjx", "start.pgx", "stop.pgx", "zb_plan.dtx"), ("speed", "zone")),
+_FORMAT = TaughtFormat(
+    "VAL3",
     "Data files (.dtx).",
     "Stäubli: joint variables (jointRx) of a data file, taught or recorded by a plan's program.",
-    (r"type=[\"']jointRx\b", "its joint variables (jointRx), as of a VAL3 data file"),
+    ((r"type=[\"']jointRx\b", "its joint variables (jointRx), as of a VAL3 data file"),),
+    named=_named,
+    digits=3,
 )
-MAKER = _FORMAT.maker("Stäubli", "staubli", r"staubli|tx2?|tx2? ?\d+\w*")
+MAKER = Maker(
+    "Stäubli",
+    "staubli",
+    r"staubli|tx2?|tx2? ?\d+\w*",
+    program=(PlanProgram("val3", "VAL3 (Stäubli)", _FILES, _PROGRAM, ("speed", "zone")),),
+    read=(taught_reader("val3", _FORMAT),),
+)

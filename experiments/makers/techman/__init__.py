@@ -1,21 +1,20 @@
 """Techman: TMscript programs."""
 
-from ..line_format import LineFormat, LineParts
-from ..program_template import ProgramTemplate
-
-
-def _parts() -> LineParts:
-    from ...positions.joint_lists import TMSCRIPT
-
-    return LineParts(TMSCRIPT, _PROGRAM)
-
+from ..maker import Maker, PlanProgram
+from ..manifest import ProgramTemplate, taught_reader
+from ..taught_format import TaughtFormat
 
 _PROGRAM = ProgramTemplate("techman", "a TMscript program", "JPP", quote=lambda text: text.replace('"', ""))
-_FORMAT = LineFormat(
-    _parts,
-    ("tmscript", "TMscript (Techman)", ("zb_plan.tms",), ("speed", "tool")),
+_FORMAT = TaughtFormat(
+    "TMscript",
     "TMscript files (.tms, .txt).",
     "Techman: joints in TMscript, as a person wrote them into a plan's program.",
-    (r"\bJPP\b|^[ \t]*float\[\][ \t]+\w+[ \t]*=[ \t]*\{", "its joints (JPP, float[]), as of TMscript"),
+    ((r"\bJPP\b|^[ \t]*float\[\][ \t]+\w+[ \t]*=[ \t]*\{", "its joints (JPP, float[]), as of TMscript"),),
 )
-MAKER = _FORMAT.maker("Techman", "techman", r"techman|tm ?\d+[sx]?|tm ?\d+[sx]? \d{3,4}")
+MAKER = Maker(
+    "Techman",
+    "techman",
+    r"techman|tm ?\d+[sx]?|tm ?\d+[sx]? \d{3,4}",
+    program=(PlanProgram("tmscript", "TMscript (Techman)", ("zb_plan.tms",), _PROGRAM, ("speed", "tool")),),
+    read=(taught_reader("tmscript", _FORMAT),),
+)

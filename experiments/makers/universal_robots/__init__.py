@@ -19,7 +19,7 @@ from ..maker import (
     StillSeconds,
     require_vendor,
 )
-from ..program_template import ProgramTemplate
+from ..manifest import ProgramTemplate
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan

@@ -4,30 +4,13 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..line_format import LineFormat, LineParts
-from ..maker import OffsetFile
-from ..program_template import ProgramName, ProgramTemplate, ToolName
+from ..maker import Maker, PlanProgram
+from ..manifest import ProgramName, ProgramTemplate, ToolName, sheet_file, taught_reader
+from ..taught_format import TaughtFormat, TaughtPoint
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
-    from ....model.files.run import Run
-    from ..calibration import RobotCalibration
     from ..format_options import ProgramMotion
-    from ..import_jobs import TaughtPoint
-
-
-def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
-    """Yaskawa: a sheet for a person, where each axis has its home position. Nothing is applied."""
-    from ..sheets import sheet_text
-
-    pulses = run.robot.conventions.pulses_per_deg
-    return sheet_text(run.robot, calibration, "yaskawa", pulses=pulses)
-
-
-def _parts() -> LineParts:
-    from ...positions.position_languages import INFORM
-
-    return LineParts(INFORM, _PROGRAM, _named, digits=0)
 
 
 _LABELLED = re.compile(
@@ -35,7 +18,7 @@ _LABELLED = re.compile(
 )
 
 
-def _named(text: str, points: "list[TaughtPoint]") -> "list[TaughtPoint]":
+def _named(text: str, points: list[TaughtPoint]) -> list[TaughtPoint]:
     """The positions of a job, those of a plan's program by the names in its remarks."""
     from ..taught_positions import named_by_remarks
 
@@ -64,17 +47,21 @@ _PROGRAM = ProgramTemplate(
     newline="\r\n",
     more=_pulses,
 )
-_FORMAT = LineFormat(
-    _parts,
-    ("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), ("speed", "tool")),
+_FORMAT = TaughtFormat(
+    "INFORM",
     "Saved jobs (.JBI).",
     "Yaskawa: positions in pulses of a saved job, taught, or modified in a plan's program.",
-    (r"^/JOB\b", "its line /JOB, as of an INFORM job"),
+    ((r"^/JOB\b", "its line /JOB, as of an INFORM job"),),
+    named=_named,
+    digits=0,
 )
-MAKER = _FORMAT.maker(
+_SHEET = "Yaskawa: a sheet for a person, where each axis has its home position. Nothing is applied."
+MAKER = Maker(
     "Yaskawa",
     "yaskawa",
     r"motoman|yaskawa|gp ?\d+\w*",
-    offsets=(OffsetFile("yaskawa", _sheet),),
+    offsets=(sheet_file("yaskawa", _SHEET),),
     live="yaskawa://HOST",
+    program=(PlanProgram("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), _PROGRAM, ("speed", "tool")),),
+    read=(taught_reader("inform", _FORMAT),),
 )

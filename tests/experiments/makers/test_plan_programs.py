@@ -17,16 +17,14 @@ import robodk_interpreter
 import ros_interpreter
 import urscript_interpreter
 from cells import good_plan, random_robot
-from import_files import import_csv
+from import_files import import_csv, positions_of
 from krl_interpreter import KrlController
 from rapid_interpreter import RapidController
 
 from zerobeam.experiments.makers import plan_programs
-from zerobeam.experiments.makers.abb.rapid_points import rapid_positions
-from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout
-from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.makers.maker import makers
+from zerobeam.experiments.makers.manifest import ProgramTemplate
 from zerobeam.experiments.makers.plan_programs import (
     ProgramMotion,
     decimal,
@@ -35,7 +33,6 @@ from zerobeam.experiments.makers.plan_programs import (
     steps_of,
     write_program,
 )
-from zerobeam.experiments.makers.program_template import ProgramTemplate
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.robot_file import load_robot
@@ -142,14 +139,14 @@ def test_the_path_is_rounded_at_intermediate_postures_only(
 
 
 def test_declared_positions_are_those_of_the_plan_to_the_last_digit(tmp_path: Path) -> None:
-    rapid = rapid_positions(files_of(tmp_path, "rapid", ProgramMotion())[".txt"], tmp_path)
+    rapid = positions_of("rapid", files_of(tmp_path, "rapid", ProgramMotion())[".txt"], tmp_path)
     assert [point.joints for point in rapid] == [FIRST, *VIA, LAST]
     assert [point.name for point in rapid] == ["zb_p0", "zb_v1_1", "zb_v1_2", "zb_p1"]
-    kuka = kuka_positions(files_of(tmp_path, "krl", ProgramMotion())[".dat"], tmp_path)
+    kuka = positions_of("krl", files_of(tmp_path, "krl", ProgramMotion())[".dat"], tmp_path)
     assert [point.joints for point in kuka][:4] == [FIRST, *VIA, LAST]
-    link = fanuc_positions(files_of(tmp_path, "fanuc", ProgramMotion(j3="link"))[".ls"], tmp_path)
+    link = positions_of("fanuc", files_of(tmp_path, "fanuc", ProgramMotion(j3="link"))[".ls"], tmp_path)
     assert [point.joints for point in link] == [FIRST, *VIA, LAST]
-    ground = fanuc_positions(files_of(tmp_path, "fanuc", ProgramMotion(j3="ground"))[".ls"], tmp_path)
+    ground = positions_of("fanuc", files_of(tmp_path, "fanuc", ProgramMotion(j3="ground"))[".ls"], tmp_path)
     assert [point.joints[2] for point in ground] == [68.132, 30.0, 40.0, 50.0]
     assert [point.joints[1] for point in ground] == [-18.862, -10.0, -15.0, -20.0]
 

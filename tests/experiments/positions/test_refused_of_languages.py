@@ -15,7 +15,7 @@ import pytest
 from made_backups import DIALECTS, ENTERED, MadeBackup, kept, written
 
 from zerobeam.experiments.positions import arm_change
-from zerobeam.experiments.positions.position import BackupReading
+from zerobeam.experiments.positions.position import BackupReading, FileReading
 
 
 @dataclass(frozen=True)
@@ -245,8 +245,8 @@ def test_it_is_refused_or_listed_by_line(
 def _without_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     def nothing(*_: Any, **__: Any) -> None: ...
 
-    monkeypatch.setattr(BackupReading, "refuse", nothing)
-    monkeypatch.setattr(BackupReading, "doubt", nothing)
+    monkeypatch.setattr(FileReading, "refuse", nothing)
+    monkeypatch.setattr(FileReading, "doubt", nothing)
     finished = BackupReading.finished
 
     def without(self: BackupReading) -> BackupReading:

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from import_files import import_rapid
+from import_files import import_rapid, positions_of
 from made_backups import DIALECTS
 from recorded_logs import POSTURES
-
-from zerobeam.experiments.makers.abb.rapid_points import rapid_positions
 
 EXTERNAL = "[9E+09,9E9,9E9,9E9,9E9,9E9]"
 
@@ -49,7 +47,7 @@ def test_declared_jointtargets(tmp_path, header, refused):
     error = refused(read, tmp_path, header, MODULE)
     assert error.what == "point r1 has no joint values"
     assert error.line == 10
-    assert [point.line for point in rapid_positions(MODULE, Path("a.mod"))] == [3, 5, 8, 9, 10]
+    assert [point.line for point in positions_of("rapid", MODULE, Path("a.mod"))] == [3, 5, 8, 9, 10]
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,9 @@ import kawasaki_controller as controller
 import numpy as np
 import pytest
 from damaged_files import joints_read, refused
+from import_files import positions_of
 from program_arm import plan_for
 
-from zerobeam.experiments.makers.taught_positions import written_points
-from zerobeam.experiments.positions.position_languages import AS
 from zerobeam.model.errors import BadInput
 
 COUNTS = pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.long)])
@@ -29,4 +28,4 @@ def test_damaged_recordings(tmp_path: Path, count: int) -> None:
 
 def test_a_line_of_digits_is_no_endless_search() -> None:
     with pytest.raises(BadInput, match="not understood"):
-        written_points(AS, f".JOINTS\n#a {'1' * 400}x\n.END\n", Path("a.as"))
+        positions_of("as", f".JOINTS\n#a {'1' * 400}x\n.END\n", Path("a.as"))

@@ -1,20 +1,24 @@
-"""The plan's program in a language: what a maker's manifest says of it, beside its template."""
+"""What makers' manifests are made of: the plan's program and a sheet by templates, a reader of positions."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...model.errors import BadInput
-from .maker import folder_of, require_vendor
+from .maker import FormatMark, OffsetFile, PointNames, Reader, folder_of, require_vendor
+from .taught_format import TaughtFormat, TaughtPoint
 
 if TYPE_CHECKING:
     from ...model.files.plan import Plan
     from ...model.files.robot_file import Vendor
+    from ...model.files.run import Run
+    from .calibration import RobotCalibration
     from .format_options import ProgramMotion
+    from .import_jobs import Imported, ImportJob
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,12 @@ class ProgramName:
     language: str
     allowed: str
     remedy: str = "choose another name for the file"
+
+    @classmethod
+    def word(cls, what: str, language: str, most: int, usual: str) -> ProgramName:
+        """A word of letters, digits and _, of at most so many; `usual` is the file that has such a name."""
+        allowed = f"a letter, then letters, digits and _: at most {most} ({usual})"
+        return cls(rf"[A-Za-z]\w{{0,{most - 1}}}", what, language, allowed)
 
     def require(self, file: Path) -> None:
         """BadInput where the stem is no such name."""
@@ -105,3 +115,46 @@ class ProgramTemplate:
             path: text.replace("\n", self.newline)
             for path, text in zip([file, *paths[1:]], texts, strict=True)
         }
+
+
+def sheet_file(vendor: Vendor, about: str) -> OffsetFile:
+    """The sheet of a maker by which a person changes zeros, by the template in its folder."""
+
+    def text(run: Run, calibration: RobotCalibration) -> str:
+        from .sheets import sheet_text
+
+        return sheet_text(run.robot, calibration, vendor)
+
+    text.__doc__ = about
+    return OffsetFile(vendor, text)
+
+
+def read_taught(
+    taught: TaughtFormat, job: ImportJob, points: Sequence[str] | None = None, **how: Any
+) -> Imported:
+    """What a plan's program printed, else the positions of its files; `how` as of `import_taught`."""
+    from .joint_text import import_program_log, is_program_log
+    from .taught_positions import import_taught
+
+    if taught.log is not None and points is None and is_program_log(job):
+        return import_program_log(job, source=taught.log)
+    return import_taught(taught, job, points=points, **how)
+
+
+def taught_reader(
+    name: str, taught: TaughtFormat, read: Callable[..., Imported] | None = None, **more: Any
+) -> Reader:
+    """The import of a format, by a function `read` of the maker where it has options of its own."""
+
+    def positions(text: str, path: Path) -> list[TaughtPoint]:
+        from .taught_positions import written_points
+
+        return written_points(taught, text, path)
+
+    def plain(job: ImportJob, points: PointNames = None) -> Imported:
+        return read_taught(taught, job, points)
+
+    read = read or plain
+    read.__doc__ = taught.about
+    marks = tuple(FormatMark(*mark, positions) for mark in taught.marks)
+    return Reader(name, read, taught.files, marks=marks, program_log=taught.log is not None, **more)
