@@ -20,10 +20,10 @@ from .formats import Group
 from .shared_options import Force, Json
 
 if TYPE_CHECKING:
+    from ..experiments.history.arm_history import ArmHistory
     from ..experiments.history.database import Database
     from ..experiments.history.store import Damaged
     from ..experiments.history.stored_result import Entry, StoredResult
-    from ..reports.history.arm_page import ArmHistory
 
 Serial = Annotated[str, argument("Serial number of the arm.", metavar="SERIAL")]
 
@@ -161,7 +161,7 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
 @histories.of_options("show")
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
-    from ..experiments.history.documents import HistoryList
+    from ..experiments.history.arm_history import HistoryList
     from ..experiments.history.store import events, find_arm, message_of, results
     from ..reports.history.history_tables import events_table, results_table, worth
 
@@ -244,8 +244,7 @@ def drift(
 ) -> None:
     """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
     from ..experiments.history.arm_drift import arm_drift
-    from ..experiments.history.documents import DriftOfArms
-    from ..experiments.history.fleet_drift import drift_of_each, fleet_drift
+    from ..experiments.history.fleet_drift import DriftOfArms, drift_of_each, fleet_drift
     from ..experiments.history.store import arms, events, find_arm, results
     from ..reports.history.history_tables import arms_drift_table, drift_blocks, fleet_blocks
 
@@ -275,10 +274,10 @@ def report(
 ) -> None:
     """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
     from ..experiments.history.arm_drift import arm_drift
+    from ..experiments.history.arm_history import ArmHistory
     from ..experiments.history.store import arms, events, find_arm, message_of, results
     from ..experiments.history.stored_result import moment
     from ..model.records import to_json
-    from ..reports.history.arm_page import ArmHistory
     from ..reports.history.arm_page import headline as arm_headline
     from ..reports.history.fleet_page import headline as fleet_headline
     from ..reports.history.history_folder import (
@@ -287,7 +286,6 @@ def report(
         arm_document,
         check_arm_target,
         check_fleet_target,
-        fleet_document,
         write_arm,
         write_fleet,
     )
@@ -304,20 +302,21 @@ def report(
             judged = tuple(
                 message_of(history, one.sha256) if one.verdict == "pass" else None for one in stored
             )
-            return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, judged, logged, when)
+            drift = arm_drift(arm, stored, logged, tolerance_mm)
+            return ArmHistory(arm=drift, results=stored, judged=judged, events=logged, asked=when)
 
         if serial is not None:
             arm_history = of(find_arm(history, serial, model))
             tell("writing", 0.5)
             write_arm(folder, arm_history)
             summary, page = arm_headline(arm_history), ARM_PAGE
-            answer: object = arm_document(arm_history)
+            answer = arm_document(arm_history)
         else:
             named = [(one.serial, one.model) for one in every if model in (None, one.model)]
             fleet = write_fleet(folder, named, of, tolerance_mm, when, tell)
-            summary, page, answer = fleet_headline(fleet), FLEET_PAGE, fleet_document(fleet)
+            summary, page, answer = fleet_headline(fleet), FLEET_PAGE, to_json(fleet)
     if as_json:
-        print_json(to_json(answer))
+        print_json(answer)
     else:
         say(f"{summary.word}. {summary.sentence}")
         say(f"Report: {folder / page}")

@@ -19,7 +19,8 @@ from ..model.files.shot import Shot
 from ..model.parsing.reading import did_you_mean
 from .arm_shown import ShownArm
 from .batch import Batch
-from .history.documents import ArmDocument, DriftOfArms, FleetDocument, HistoryList
+from .history.arm_history import ArmHistory, HistoryList
+from .history.fleet_drift import DriftOfArms, Fleet
 from .makers.calibration import RobotCalibration
 from .plans.make import MadePlan
 from .positions.conversion import Conversion
@@ -48,8 +49,8 @@ _ANSWERS: dict[str, type] = {
     "compare": Comparison,
     "batch": Batch,
     "history": HistoryList,
-    "history-arm": ArmDocument,
-    "history-fleet": FleetDocument,
+    "history-arm": ArmHistory,
+    "history-fleet": Fleet,
     "drift": DriftOfArms,
     "arm": ShownArm,
     "proposal": MadePlan,

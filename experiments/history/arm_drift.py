@@ -19,6 +19,7 @@ from .stored_result import Event, Moment, StoredResult
 
 YEAR = timedelta(days=365.25)
 NOT_SOON = f"not within {HORIZON_YEARS:g} years"
+FEW = 30  # rates: below, numbers that are integrals over them are coarse
 
 
 @record
@@ -61,10 +62,11 @@ Dated = TypeVar("Dated", DatedJump, DatedUndecided)
 
 @record
 class Rate:
-    """How fast an offset walks, per root year."""
+    """How fast an offset walks, per root year, by so many rates (`effective`)."""
 
     median: Annotated[float, it("of the posterior")]
     interval95: Annotated[tuple[float, float], it("95 % interval")]
+    effective: Annotated[float, internal]
 
 
 @record(repr=False)
@@ -149,7 +151,7 @@ class ArmDrift:
             value,
             std,
             drift.interval(-1, along) if known else None,
-            Rate(*drift.rate(name)) if drift.determines_rate(name) else None,
+            Rate(*drift.rate(name), drift.effective) if drift.determines_rate(name) else None,
         )
 
     def at_last(self) -> ArmDrift:

@@ -203,6 +203,9 @@ class CertifiedResult(StoredResult):
     without_prior: Annotated[OffsetsWithoutPrior | None, internal]
     files: Annotated[dict[str, str] | None, if_any] = field(default=None, kw_only=True)
 
+    def __post_init__(self) -> None:
+        """Its offsets are not all of those of the row: they were checked there."""
+
 
 @record(eq=False, kw_only=True)
 class Certificate(CertifiedResult):

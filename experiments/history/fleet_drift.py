@@ -5,11 +5,13 @@ The answer of a single arm stays that of its own results: it does not depend on 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from functools import partial
+from datetime import datetime
+from functools import cached_property, partial
 from itertools import islice
-from typing import Annotated, Any
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
@@ -17,17 +19,18 @@ from ...analysis.drift.drift import ALARM, SPREAD, Drift
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
 from ...analysis.drift.instrument_biases import Bias, ComparableInstruments, MeasuredArm, instrument_biases
 from ...model.arrays import Matrix
-from ...model.records import inline, it, record
+from ...model.records import if_any, inline, internal, it, key, record
 from ..processes import side_by_side
 from .arm_drift import ArmDrift, DatedJump, Rate, arm_drift
+from .arm_history import KIND, STATES, ArmState
 from .stored_result import Event, StoredResult
 
+FLEET_SCHEMA: Final = "zerobeam/history-fleet/1"
 # Of one arm, as `arm_drift` takes them.
 ArmJob = tuple[tuple[str, str], Sequence[StoredResult], Sequence[Event]]
 
 _MANY = 400  # arms: with fewer, processes take longer to start than they save
 _TOGETHER = 16  # arms of a job: to hold threads back takes a tenth of the time of one
-FEW = 30  # rates of an arm that agree with its model: below, its numbers are coarse
 
 
 @record
@@ -224,8 +227,8 @@ def _model_walks(
             offset=offset,
             unit=units[offset],
             arms=sum(offset in arm.series.names and arm.determines_rate(offset) for _, arm in members),
-            median=Rate(*rates.median(offset)) if known else None,
-            between=Rate(*rates.between(offset)) if known else None,
+            median=Rate(*rates.median(offset), rates.effective) if known else None,
+            between=Rate(*rates.between(offset), rates.effective) if known else None,
             noticed=noticed,
             probability=probability,
             drifts=probability is not None and probability >= enough,
@@ -236,12 +239,13 @@ def _model_walks(
 def _arm_walks(arm: ArmDrift, drift: Drift, shrunken: ArmRates, known: Sequence[str]) -> ArmWalks:
     def arm_walk(offset: str, unit: str) -> ArmWalk:
         at = drift.series.names.index(offset)
+        own = Rate(*drift.rate(offset), drift.effective)
         if offset not in known:
-            return ArmWalk(offset, unit, Rate(*drift.rate(offset)), None, False)
+            return ArmWalk(offset, unit, own, None, False)
         alone = 1 / _log_variance(drift.rates[:, at], drift.weights)
         both = 1 / _log_variance(shrunken.rates[:, at], shrunken.weights)
         borrowed = both - alone > alone - 1 / SPREAD**2
-        return ArmWalk(offset, unit, Rate(*drift.rate(offset)), Rate(*shrunken.rate(offset)), borrowed)
+        return ArmWalk(offset, unit, own, Rate(*shrunken.rate(offset), shrunken.effective), borrowed)
 
     walks = tuple(map(arm_walk, drift.series.names, drift.series.units))
     return ArmWalks(arm.serial, arm.model, walks, shrunken.effective)
@@ -268,3 +272,42 @@ def _suspects(arms: Sequence[ArmDrift], biased_offsets: set[tuple[str, str]]) ->
             biased = tuple(name for name in named if (name, jump.offset) in biased_offsets)
             if biased:
                 yield InstrumentJump(arm.serial, arm.model, jump, biased)
+
+
+@record(kw_only=True)
+class DriftOfArms:
+    """`history drift`: an arm, or all arms and what they say together."""
+
+    schema: Annotated[Literal["zerobeam/drift/1"], KIND] = "zerobeam/drift/1"
+    arms: Annotated[tuple[ArmDrift, ...], it("each arm by itself")]
+    fleet: Annotated[FleetDrift | None, it("of all arms"), if_any] = None
+
+
+@record(eq=False, kw_only=True)
+class Fleet:
+    """`fleet.json`: every arm, the gravest first, and what they say together; `asked` is the day of the
+    question, None without any result."""
+
+    schema: Annotated[Literal["zerobeam/history-fleet/1"], KIND] = FLEET_SCHEMA
+    tolerance_mm: Annotated[float, it("of the TCP error, millimetres")]
+    drift: Annotated[FleetDrift, it("`fleet` of `drift --json`")]
+    arms: Annotated[
+        tuple[ArmState, ...],
+        it(
+            "a list of `serial`, `model`, `state`, `results`, `counted`, `last`, `verdict`, `grade`, "
+            "`jumps`, `undecided` (numbers), `clearest_jump` (`offset`, `before`, `p_value`, "
+            "`events`), `due` and `page`"
+        ),
+    ]
+    asked: Annotated[datetime | None, internal]
+
+    @property
+    @key("day for which the states are stated")
+    def as_of(self) -> str | None:
+        return None if self.asked is None else f"{self.asked:%Y-%m-%d}"
+
+    @cached_property
+    @key("how many arms are in each")
+    def states(self) -> dict[str, int]:
+        numbers_of = Counter(row.state for row in self.arms)
+        return {state: numbers_of[state] for state in STATES}

@@ -2,41 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import sqlalchemy as sa
+from pydantic import Field
 from sqlalchemy.dialects import postgresql, sqlite
 
 from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import Result, parse_result
+from ...analysis.status import Verdict
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
-from ...model.records import to_json
+from ...model.records import read, to_json
 from ...words.message import read_message
 from .database import Database, arm, document, event, result
-from .stored_result import (
-    DAMAGED,
-    Arm,
-    Entry,
-    Event,
-    StoredResult,
-    What,
-    checked_moment,
-    checked_offsets,
-    checked_sensitivity,
-    checked_text,
-    checked_verdict,
-    checked_without_prior,
-    entry_of,
-    moment,
-    parsed,
-)
+from .stored_result import DAMAGED, Arm, Entry, Event, StoredResult, What, entry_of, moment, parsed
 
 Outcome = Literal["added", "replaced", "already there", "refused"]
 
@@ -46,13 +32,13 @@ Damaged = Callable[[BadInput], None]
 _ANEW = ", or add its result.json anew with --replace"
 _SHORT = 12  # digits of a hash that a person is shown
 _LEVEL = 1  # of the compression: the higher ones take most of the time of adding
-_ROW = (
-    *("sha256", "serial", "model", "measured_at", "instrument", "operator", "run", "shots", "verdict"),
-    *("made_by", "document_sha256"),
-)
+_PLAIN = ("sha256", "serial", "model", "instrument", "operator", "run", "shots", "verdict", "document_sha256")
+_ROW = (*_PLAIN, "measured_at", "made_by")
+_IN_JSON = ("offsets", "without_prior", "sensitivity_mm2")
 _SAME = ("serial", "model", "verdict")  # of two results that are one, besides their numbers
 _DIGITS = 1e-9  # to which numbers agree: another order of the same sums gives another 15th digit
-_ASKED_AT_ONCE = 500
+_VERDICT: Any = Verdict
+_MATRIX: Any = tuple[tuple[Annotated[float, Field(strict=True, allow_inf_nan=False)], ...], ...] | None
 Values = dict[str, Any]  # of a row of a table, by its columns
 
 
@@ -63,92 +49,61 @@ def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -
     result of that run is there, made otherwise or for another arm; with `replace` this one takes its place,
     unless it is of another arm. So is a row or a document mended that was damaged.
     """
-    rows = [_row(entry) for entry in entries]
+    outcomes: dict[int, Outcome] = {}
+    first = {entry.sha256: entry for entry in reversed(entries)}
     with history.writing() as connection:
-        held = _held(connection, [row["sha256"] for row in rows])
-        added = _inserted_all(connection, {entry.sha256: entry for entry in reversed(entries)}, rows, held)
-        outcomes: list[Outcome] = []
-        for entry, row in zip(entries, rows, strict=True):
-            if entry.sha256 in added:
-                added.remove(entry.sha256)
-                held[entry.sha256] = row
-                outcomes.append("added")
-            else:
-                outcomes.append(_add_again(connection, entry, row, held, replace))
-    return outcomes
+        new = [entry for sha256, entry in first.items() if _held(connection, sha256) is None]
+        vendors = {(entry.serial, entry.model): entry.vendor for entry in new}
+        # In the order of their keys, so that no two writers wait for each other's.
+        for (serial, model), vendor in sorted(vendors.items()):
+            _inserted(connection, arm, {"serial": serial, "model": model, "vendor": vendor})
+        for number in sorted(range(len(entries)), key=lambda k: entries[k].sha256):
+            outcomes[number] = _added(connection, entries[number], replace)
+    return [outcomes[number] for number in range(len(entries))]
 
 
-def _row(entry: Entry) -> Values:
-    return {
+def _added(connection: sa.Connection, entry: Entry, replace: bool) -> Outcome:
+    row = {
         **{name: getattr(entry, name) for name in _ROW},
+        **{name: _json(getattr(entry, name)) for name in _IN_JSON},
         "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
-        "offsets": json.dumps(to_json(entry.offsets)),
-        "without_prior": entry.without_prior and json.dumps(to_json(entry.without_prior)),
-        "sensitivity_mm2": entry.sensitivity_mm2 and json.dumps(entry.sensitivity_mm2),
     }
+    held = _held(connection, entry.sha256)
+    if held is None and _inserted(connection, result, row):
+        content = {"sha256": entry.sha256, "content": _content(entry)}
+        connection.execute(sa.insert(document).values(content))
+        return "added"
+    held = held or _held(connection, entry.sha256)  # another writer was first
+    same = held is not None and _is_same(held, row)
+    if same and not replace:
+        return "already there"
+    if not replace or held is None or (held["serial"], held["model"]) != (entry.serial, entry.model):
+        return "refused"
+    connection.execute(sa.update(result).where(result.c.sha256 == entry.sha256).values(row))
+    content = {"content": _content(entry)}
+    connection.execute(sa.update(document).where(document.c.sha256 == entry.sha256).values(content))
+    return "already there" if same else "replaced"
+
+
+def _json(value: object) -> str | None:
+    return None if value is None else json.dumps(to_json(value))
 
 
 def _content(entry: Entry) -> bytes:
     return zlib.compress(entry.text.encode(), _LEVEL)
 
 
-def _inserted_all(
-    connection: sa.Connection,
-    entries: dict[str, Entry],
-    rows: Sequence[Values],
-    held: dict[str, Values],
-) -> set[str]:
-    """Insert the first row of each run that is not `held`; the runs whose row was inserted.
-
-    What another writer inserted in between is `held` afterwards. Rows are in the order of their keys, so that
-    no two writers wait for each other's.
-    """
-    new = {row["sha256"]: row for row in reversed(rows) if row["sha256"] not in held}
-    first_entries = [entries[sha256] for sha256 in sorted(new)]
-    named = {(one.serial, one.model): one.vendor for one in reversed(first_entries)}
-    _inserted(
-        connection,
-        arm,
-        [{"serial": key[0], "model": key[1], "vendor": vendor} for key, vendor in sorted(named.items())],
-    )
-    added = {
-        sha256 for (sha256,) in _inserted(connection, result, [new[one.sha256] for one in first_entries])
-    }
-    held.update(_held(connection, sorted(set(new) - added)))
-    texts = [{"sha256": one.sha256, "content": _content(one)} for one in first_entries if one.sha256 in added]
-    if texts:
-        connection.execute(sa.insert(document), texts)
-    return added
-
-
-def _add_again(
-    connection: sa.Connection,
-    entry: Entry,
-    row: Values,
-    held: dict[str, Values],
-    replace: bool,
-) -> Outcome:
-    """Of a run that has a result."""
-    here = held[entry.sha256]
-    same = _is_same(here, row)
-    if same and not replace:
-        return "already there"
-    if not replace or (here["serial"], here["model"]) != (entry.serial, entry.model):
-        return "refused"
-    connection.execute(sa.update(result).where(result.c.sha256 == entry.sha256).values(row))
-    content = {"content": _content(entry)}
-    connection.execute(sa.update(document).where(document.c.sha256 == entry.sha256).values(content))
-    held[entry.sha256] = row
-    return "already there" if same else "replaced"
+def _held(connection: sa.Connection, sha256: str) -> Values | None:
+    """What says which result a run has in the history; None where it has none."""
+    query = sa.select(*(result.c[name] for name in (*_SAME, "offsets", "without_prior")))
+    row = connection.execute(query.where(result.c.sha256 == sha256)).mappings().first()
+    return None if row is None else dict(row)
 
 
 def _is_same(one: Values, other: Values) -> bool:
     """Whether two rows of a run are of one result."""
     if any(one[name] != other[name] for name in _SAME):
         return False
-    numbers = ("offsets", "without_prior")
-    if all(one[name] == other[name] for name in numbers):
-        return True
     try:
         # Of one scale are the numbers of an offset, and those of a matrix.
         groups = [
@@ -171,43 +126,27 @@ def _agree(one: Any, other: Any) -> bool:
 
 def _without_numbers(value: Any, numbers: list[float]) -> Any:
     """The value with zeros for its numbers, which are appended to `numbers`."""
-    match value:
-        case bool():
-            return value
-        case int() | float():
-            numbers.append(float(value))
-            return 0
-        case list() | tuple():
-            return [_without_numbers(one, numbers) for one in value]
-        case dict():
-            return {key: _without_numbers(value[key], numbers) for key in sorted(value)}
+    if isinstance(value, list | tuple):
+        return [_without_numbers(one, numbers) for one in value]
+    if isinstance(value, dict):
+        return {key: _without_numbers(value[key], numbers) for key in sorted(value)}
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        numbers.append(float(value))
+        return 0
     return value
-
-
-def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, Values]:
-    """What says which result each of the runs has in the history, of those that have one."""
-    compared = (*_SAME, "offsets", "without_prior")
-    query = sa.select(result.c.sha256, *(result.c[name] for name in compared))
-    held: dict[str, Values] = {}
-    for start in range(0, len(runs), _ASKED_AT_ONCE):
-        part = query.where(result.c.sha256.in_(runs[start : start + _ASKED_AT_ONCE]))
-        held.update((row["sha256"], dict(row)) for row in connection.execute(part).mappings())
-    return held
 
 
 def arm_of(history: Database, sha256: str) -> tuple[str, str] | None:
     """The arm that a run has a result of, by the hash of the run."""
     with history.reading() as connection:
-        row = connection.execute(
-            sa.select(result.c.serial, result.c.model).where(result.c.sha256 == sha256)
-        ).first()
-    return None if row is None else (row.serial, row.model)
+        held = _held(connection, sha256)
+    return None if held is None else (held["serial"], held["model"])
 
 
 def add_event(history: Database, happening: Event) -> bool:
     """Log an event; False where the same one is there already."""
     try:
-        checked_text(happening.note)
+        happening.note.encode()
     except UnicodeEncodeError:
         raise BadInput("the note is no text", found=ascii(happening.note), allowed="UTF-8") from None
     if happening.what not in get_args(What):
@@ -215,17 +154,15 @@ def add_event(history: Database, happening: Event) -> bool:
             "there is no event of this kind", found=happening.what, allowed=", ".join(get_args(What))
         )
     with history.writing() as connection:
-        return bool(_inserted(connection, event, [asdict(happening)]))
+        return _inserted(connection, event, dataclasses.asdict(happening))
 
 
-def _inserted(connection: sa.Connection, table: sa.Table, rows: list[Values]) -> list[Any]:
-    """Insert rows; the keys of those whose key was not there already."""
-    if not rows:
-        return []
+def _inserted(connection: sa.Connection, table: sa.Table, row: Values) -> bool:
+    """Insert a row; False where its key was there already."""
     insert: Any = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}[connection.dialect.name]
     # What comes back says so: the number of rows does not with every driver.
-    made = insert(table).on_conflict_do_nothing().returning(*table.primary_key)
-    return list(connection.execute(made, rows).all())
+    made = insert(table).values(row).on_conflict_do_nothing().returning(*table.primary_key)
+    return connection.execute(made).first() is not None
 
 
 def refuse(error: BadInput) -> None:
@@ -235,38 +172,44 @@ def refuse(error: BadInput) -> None:
 
 def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
     """All arms by serial number, with the verdict of the last result of each; `damaged` as of `results`."""
-    at = sa.type_coerce(result.c.measured_at, sa.String).label("at")
-    query = sa.select(arm, result.c.sha256, result.c.verdict, at).outerjoin(
-        result, (arm.c.serial == result.c.serial) & (arm.c.model == result.c.model)
-    )
-    by_arm: dict[tuple[str, str], list[Any]] = {}
+    of: Any = {"partition_by": (result.c.serial, result.c.model)}
+    order = (result.c.measured_at.desc(), result.c.sha256)
+    at = (result.c.measured_at, sa.func.min(result.c.measured_at).over(**of))
+    last = sa.select(
+        *(result.c[name] for name in ("serial", "model", "sha256", "verdict")),
+        *(
+            sa.type_coerce(when, sa.String).label(name)
+            for when, name in zip(at, ("last", "first"), strict=True)
+        ),
+        sa.func.count().over(**of).label("results"),
+        sa.func.row_number().over(**of, order_by=order).label("place"),
+    ).subquery()
+    query = sa.select(arm, *(last.c[name] for name in ("sha256", "verdict", "last", "first", "results")))
+    same = (arm.c.serial == last.c.serial) & (arm.c.model == last.c.model) & (last.c.place == 1)
     with history.reading() as connection:
-        for row in connection.execute(query.order_by(result.c.measured_at, result.c.sha256.desc())):
-            by_arm.setdefault((row.serial, row.model), []).append(row)
-    named = (rows for rows in by_arm.values() if _is_named(history, rows[0], damaged))
-    every = [_arm(history, rows, damaged) for rows in named]
+        rows = connection.execute(query.outerjoin_from(arm, last, same)).all()
+    every = [_arm(history, row, damaged) for row in rows if _is_named(history, row, damaged)]
     return sorted(every, key=lambda row: (row.serial, row.model))  # a database sorts by rules of its own
 
 
 def _is_named(history: Database, row: Any, damaged: Damaged) -> bool:
     """Whether the arm of a row has a name; `damaged` hears of one that has none."""
-    try:
-        checked_text(row.serial)
-        checked_text(row.model)
-    except DAMAGED as error:
+    named = isinstance(row.serial, str) and isinstance(row.model, str)
+    if not named:
+        error = TypeError(f"{row.serial!r}, {row.model!r} is no text")
         damaged(_damage(history, (row.serial, row.model), "the name of an arm", error))
-        return False
-    return True
+    return named
 
 
-def _arm(history: Database, rows: Sequence[Any], damaged: Damaged) -> Arm:
-    """Of an arm with a row for each of its results, the last one last; one row without results."""
-    last, of = rows[-1], (rows[0].serial, rows[0].model, rows[0].vendor)
-    if last.sha256 is None:
+def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
+    """Of an arm with its last result."""
+    of = (row.serial, row.model, row.vendor)
+    if row.sha256 is None:
         return Arm(*of, 0, None, None, None)
     try:
-        first, until = checked_moment(rows[0].at), checked_moment(last.at)
-        return Arm(*of, len(rows), first, until, checked_verdict(last.verdict), checked_text(last.sha256))
+        times = _moment_of(row.first), _moment_of(row.last)
+        verdict: Verdict = read(_VERDICT, json.dumps(row.verdict))
+        return Arm(*of, row.results, *times, verdict, row.sha256)
     except DAMAGED:
         stored = list(results(history, of[:2], damaged))
     if not stored:
@@ -303,10 +246,9 @@ def results(
 ) -> Iterator[StoredResult]:
     """The results of an arm (serial number, model), or of all, in the order of arm and time: those of one arm
     at a time are in memory. `damaged` hears of those that cannot be read."""
-    columns = [result.c[name] for name in _ROW if name != "measured_at"]
-    columns += [result.c[name] for name in ("offsets", "without_prior", "sensitivity_mm2")]
     # As the database has it: where SQLAlchemy cannot read a date, no row of the query could be read.
-    query = sa.select(*columns, sa.type_coerce(result.c.measured_at, sa.String).label("measured_at"))
+    at = sa.type_coerce(result.c.measured_at, sa.String).label("measured_at")
+    query = sa.select(*(result.c[name] for name in (*_ROW, *_IN_JSON) if name != "measured_at"), at)
     query = query.order_by(result.c.measured_at, result.c.sha256)
     with history.reading() as connection:
         every = [of] if of is not None else []
@@ -325,22 +267,22 @@ def results(
                 yield stored
 
 
-def _stored(row: Mapping[str, Any]) -> StoredResult:
+def _stored(row: Values) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    offsets = checked_offsets(row["offsets"])
-    sensitivity = None if row["sensitivity_mm2"] is None else parsed(row["sensitivity_mm2"])
-    texts: dict[str, Any] = {
-        name: checked_text(row[name]) for name in _ROW if name not in ("measured_at", "shots", "verdict")
-    }
-    return StoredResult(
-        **texts,
-        measured_at=checked_moment(row["measured_at"]),
-        shots=int(row["shots"]),
-        verdict=checked_verdict(row["verdict"]),
-        offsets=offsets,
-        without_prior=checked_without_prior(row["without_prior"], offsets),
-        sensitivity_mm2=checked_sensitivity(sensitivity, offsets),
-    )
+    sensitivity, made_by = row.pop("sensitivity_mm2"), row.pop("made_by")
+    for name in ("offsets", "without_prior"):
+        row[name] = row[name] and parsed(row[name])
+    row["measured_at"] = _moment_of(row["measured_at"]).isoformat()
+    stored = read(StoredResult, {**row, "zerobeam": made_by})
+    return dataclasses.replace(stored, sensitivity_mm2=sensitivity and read(_MATRIX, sensitivity))
+
+
+def _moment_of(value: Any) -> datetime:
+    """A time of the database: PostgreSQL has it as such, SQLite as text."""
+    when = value if isinstance(value, datetime) else datetime.fromisoformat(value)
+    if when.tzinfo is not None:
+        raise ValueError(f"{when} has a zone")
+    return when
 
 
 def _damage(
@@ -367,10 +309,7 @@ def events(history: Database, of: tuple[str, str] | None = None, damaged: Damage
             if not _is_named(history, row, damaged):
                 continue
             try:
-                if row.what not in get_args(What):
-                    raise ValueError(f"there is no event {row.what!r}")
-                note = checked_text(row.note)
-                happenings.append(Event(row.serial, row.model, checked_moment(row.at), row.what, note))
+                happenings.append(read(Event, {**row._mapping, "at": _moment_of(row.at).isoformat()}))
             except DAMAGED as error:
                 which = f"the event {row.what!r} of {row.at!r}"
                 damaged(_damage(history, (row.serial, row.model), which, error))
@@ -379,7 +318,7 @@ def events(history: Database, of: tuple[str, str] | None = None, damaged: Damage
 
 def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, str]]:
     """The hash of a run and the whole text of its result.json, for each of the hashes that is there. One of
-    `DAMAGED` or zlib's error for a document that is not as it was added."""
+    `DAMAGED` for a document that is not as it was added."""
     with history.reading() as connection:
         for run in sha256:
             content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == run))
@@ -393,7 +332,7 @@ def message_of(history: Database, sha256: str | None) -> Message | None:
     try:
         ((_, text),) = documents(history, [] if sha256 is None else [sha256])
         return read_message(parse_result(text))
-    except (*DAMAGED, zlib.error):
+    except DAMAGED:
         return None
 
 
@@ -407,13 +346,9 @@ def choose(results: Sequence[StoredResult], run: str | None = None, date: str | 
     if run is not None:
         meant = [result for result in results if run and result.sha256.startswith(run.lower())]
     elif date is not None:
-        moment_meant, whole_day = moment(date), len(date) <= len("2026-03-31")
-        meant = [
-            result
-            for result in results
-            if result.measured_at == moment_meant
-            or (whole_day and result.measured_at.date() == moment_meant.date())
-        ]
+        when, whole_day = moment(date), len(date) <= len("2026-03-31")
+        times = ((result, result.measured_at) for result in results)
+        meant = [result for result, at in times if at == when or (whole_day and at.date() == when.date())]
     else:
         meant = [result for result in results if result.measured_at == results[-1].measured_at]
     if len(meant) == 1:
@@ -440,20 +375,18 @@ def _named(results: Sequence[StoredResult]) -> str:
 def whole_answer(history: Database, stored: StoredResult) -> Result:
     """The whole result. BadInput where the history was altered: where that is not the text
     that was added, or says otherwise than the row of the result."""
+    what = "its document is missing or damaged"
     try:
         ((_, text),) = documents(history, [stored.sha256])
         entry = entry_of(text, Path(stored.run), stored.serial, stored.measured_at.isoformat())
-    except (*DAMAGED, zlib.error, BadInput):
-        raise _altered(stored, "its document is missing or damaged") from None
-    kept = (field.name for field in fields(StoredResult))
-    differing = [name for name in kept if getattr(entry, name) != getattr(stored, name)]
-    if differing:
-        raise _altered(stored, f"its row and its document differ in {', '.join(differing)}")
-    return parse_result(text)
-
-
-def _altered(stored: StoredResult, what: str) -> BadInput:
-    return BadInput(
+        names = [field.name for field in dataclasses.fields(StoredResult)]
+        differing = [name for name in names if getattr(entry, name) != getattr(stored, name)]
+        if not differing:
+            return parse_result(text)
+        what = f"its row and its document differ in {', '.join(differing)}"
+    except (*DAMAGED, BadInput):
+        pass
+    raise BadInput(
         "the history was altered",
         found=f"result of run {stored.sha256[:_SHORT]}…: {what}",
         remedy="restore a backup of the database, or add its result.json anew with --replace",

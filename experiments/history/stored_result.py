@@ -1,20 +1,20 @@
 """A result as a history keeps it: of a result.json, of a run that is solved here, of a row of the database.
 
-What a history counts with (offsets, their covariance, what they do to the TCP) is checked as it is read, for
-either may be damaged. Whatever is wrong raises one of `DAMAGED`.
+What a history counts with (offsets, their covariance, what they do to the TCP) is checked by the record, for
+files and rows may be damaged. Whatever is wrong raises one of `DAMAGED`.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator
@@ -22,12 +22,12 @@ from pydantic import AfterValidator
 from ...analysis.answer.answer_message import Grade, May
 from ...analysis.answer.result import Result, parse_result
 from ...analysis.covariance import OffsetsWithoutPrior
+from ...analysis.diagnostics.accuracy import Grid
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict, has_numbers
-from ...model.arrays import Matrix
 from ...model.errors import BadInput, UnsoundResult
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
-from ...model.records import if_any, internal, it, or_null, read, record
+from ...model.records import if_any, internal, it, or_null, record
 from ...words.provenance import (
     DATE,
     KEYS,
@@ -44,8 +44,7 @@ Moment = Annotated[
     AfterValidator(lambda when: when.astimezone(UTC).replace(tzinfo=None) if when.tzinfo else when),
 ]
 What = Literal["collision", "motor", "mastering", "other"]
-_ROWS: Any = tuple[ParameterRow, ...]
-DAMAGED = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError)
+DAMAGED = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError, UnsoundResult, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,10 @@ class Arm:
 @record
 class StoredResult:
     """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of its result.json.
-    `grade` and `may` are what it is worth, where that was read."""
+    `grade` and `may` are what it is worth, where that was read.
+
+    ValueError where an offset lacks what its status promises, or the matrices are not of these offsets.
+    """
 
     sha256: Annotated[str, it("SHA-256 of the run")]
     serial: Annotated[str, it("serial number of the arm")]
@@ -80,7 +82,7 @@ class StoredResult:
     document_sha256: Annotated[str, it("SHA-256 of the whole result.json")]
     offsets: Annotated[tuple[ParameterRow, ...], it("rows as in the result; null what is not determined")]
     without_prior: Annotated[OffsetsWithoutPrior | None, it("as in the result")]
-    sensitivity_mm2: Annotated[list[list[float]] | None, internal]
+    sensitivity_mm2: Annotated[Grid | None, internal]
     grade: Annotated[
         Grade | None,
         it(
@@ -92,6 +94,39 @@ class StoredResult:
     may: Annotated[May | None, it("`message.may` of the result: `enter`, `certify`, `export`"), if_any] = (
         field(default=None, kw_only=True)
     )
+
+    def __post_init__(self) -> None:
+        for offset in self.offsets:
+            offset.require_whole()
+        if self.without_prior is not None:
+            _require_of(self.without_prior, self.offsets)
+        square: Any = self.sensitivity_mm2
+        shape: tuple[int, ...] = (len(self.offsets),) * 2
+        if square is not None and (np.shape(square) != shape or any(None in row for row in square)):
+            raise ValueError("accuracy.sensitivity_mm2 has not a number for each two of the offsets")
+
+
+def _require_of(free: OffsetsWithoutPrior, offsets: Sequence[ParameterRow]) -> None:
+    """ValueError unless all of it is determined, and its shapes are right."""
+    size, determined = len(free.names), {row.name for row in offsets if has_numbers(row.status)}
+    if not size or len(set(free.names)) < size or not determined.issuperset(free.names):
+        raise ValueError("without_prior names what is not determined")
+    shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
+        "values": (free.values, (size,)),
+        "units": (free.units, (size,)),
+        "covariance": (free.covariance, (size, size)),
+        "by_geometry": (free.by_geometry or [[]] * size, (size, len(free.geometry))),
+    }
+    for name, (numbers, shape) in shapes.items():
+        if np.shape(numbers) != shape:
+            raise ValueError(f"without_prior.{name} has not a value for each offset")
+    if free.dof is not None and free.dof < 0:
+        raise ValueError("without_prior.dof is no number of degrees of freedom")
+    covariance = np.array(free.covariance)
+    try:
+        np.linalg.cholesky(covariance + covariance.T)
+    except np.linalg.LinAlgError:
+        raise ValueError("without_prior.covariance is none of these offsets") from None
 
 
 @record
@@ -106,8 +141,7 @@ class Event:
 
 
 def parsed(text: str) -> Any:
-    """Plain JSON; ValueError for NaN and infinity. The checks of `parse_json` would take most of the time of
-    adding; what a history counts with is checked on its own."""
+    """Plain JSON; ValueError for NaN and infinity, which other readers let pass where any value may be."""
 
     def refuse(word: str) -> None:
         raise ValueError(f"{word} is no number")
@@ -116,84 +150,6 @@ def parsed(text: str) -> Any:
         return json.loads(text, parse_constant=refuse)
     except RecursionError:
         raise ValueError("the values are nested too deeply") from None
-
-
-def checked_text(value: object) -> str:
-    """The same text, one that can be written."""
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
-    value.encode()
-    return value
-
-
-def checked_verdict(value: object) -> Verdict:
-    """The same verdict."""
-    if value not in get_args(Verdict):
-        raise ValueError(f"verdict {value!r}")
-    return cast(Verdict, value)
-
-
-def checked_moment(value: object) -> datetime:
-    """A time of the database: PostgreSQL has it as such, SQLite as text."""
-    when = value if isinstance(value, datetime) else datetime.fromisoformat(checked_text(value))
-    if when.tzinfo is not None:
-        raise ValueError(f"{when} has a zone")
-    return when
-
-
-def checked_offsets(content: object) -> tuple[ParameterRow, ...]:
-    """The rows of offsets, as JSON or as records, with all that the status of each promises."""
-    offsets = tuple(content) if isinstance(content, tuple) else read(_ROWS, content)
-    try:
-        for offset in offsets:
-            offset.require_whole()
-    except UnsoundResult as error:
-        raise ValueError(str(error)) from None
-    return offsets
-
-
-def checked_without_prior(
-    content: str | OffsetsWithoutPrior | None, offsets: Sequence[ParameterRow]
-) -> OffsetsWithoutPrior | None:
-    """The same, if its shapes are right and all of it is determined."""
-    if content is None:
-        return None
-    free = read(OffsetsWithoutPrior, content) if isinstance(content, str) else content
-    size, shared = len(free.names), len(free.geometry)
-    allowed = {offset.name for offset in offsets if has_numbers(offset.status)}
-    sizes = {size, len(free.values), len(free.units), len(set(free.names))}
-    if not size or len(sizes) > 1 or not set(free.names) <= allowed:
-        raise ValueError("without_prior names what is not determined, or not all of it has a value")
-    covariance = _numbers(free.covariance, (size, size), "without_prior.covariance")
-    try:
-        np.linalg.cholesky(covariance + covariance.T)
-    except np.linalg.LinAlgError:
-        raise ValueError("without_prior.covariance is none of these offsets") from None
-    _numbers(free.values, (size,), "without_prior.values")
-    _numbers(free.by_geometry or [[]] * size, (size, shared), "without_prior.by_geometry")
-    if free.dof is not None and not 0 <= _number(free.dof) < math.inf:
-        raise ValueError("without_prior.dof is no number of degrees of freedom")
-    return free
-
-
-def checked_sensitivity(matrix: Any, offsets: Sequence[ParameterRow]) -> list[list[float]] | None:
-    """The same, if it is a number for each two of the offsets."""
-    if matrix is not None:
-        _numbers(matrix, (len(offsets), len(offsets)), "accuracy.sensitivity_mm2")
-    return matrix  # type: ignore[no-any-return]
-
-
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"{value!r} is no number")
-    return float(value)
-
-
-def _numbers(rows: Any, shape: tuple[int, ...], what: str) -> Matrix:
-    numbers = np.array(rows)
-    if numbers.shape != shape or numbers.dtype.kind not in "if" or not np.isfinite(numbers).all():
-        raise ValueError(f"{what} has not a finite number for each offset")
-    return np.asarray(numbers, float)
 
 
 RESULT_FILE = "result.json"
@@ -242,8 +198,8 @@ def read_entry(
         from ...words.sentences import to_json
 
         run = read_run(path)
-        origin = _origin(run.header.provenance, path, serial, when)
-        if held(run.sha256) == (origin.serial, run.robot.name):
+        stated, _ = _origin(run.header.provenance, path, serial, when)
+        if held(run.sha256) == (stated, run.robot.name):
             return None
         text = dumps(to_json(analyse(run, seed=seed).result))
     else:
@@ -256,8 +212,7 @@ def entry_of(text: str, path: Path, serial: str | None = None, when: str | None 
     try:
         parsed(text)
         result = parse_result(text)
-        origin = _origin(result.inputs.provenance, path, serial, when)
-        return _entry(result, text, origin)
+        return _entry(result, text, *_origin(result.inputs.provenance, path, serial, when))
     except DAMAGED as error:
         raise BadInput(
             "this is not a whole result of zerobeam",
@@ -268,22 +223,16 @@ def entry_of(text: str, path: Path, serial: str | None = None, when: str | None 
         ) from None
 
 
-@dataclass(frozen=True)
-class _Origin:
-    serial: str
-    measured_at: datetime
-    operator: str
-    provenance: Mapping[str, object]
-
-
-def _origin(provenance: Mapping[str, object], path: Path, serial: str | None, when: str | None) -> _Origin:
-    provenance = by_plain_key(provenance)
-    serial = first_entry(provenance, KEYS[SERIAL]) or serial
-    when = first_entry(provenance, KEYS[DATE]) or when
-    for value, what, key in (
-        (serial, "serial number of the arm", "serial"),
-        (when, "date of the measurements", "when"),
-    ):
+def _origin(
+    provenance: Mapping[str, object], path: Path, serial: str | None, when: str | None
+) -> tuple[str, datetime]:
+    """The serial number of the arm, and when it was measured; BadInput where either is not stated."""
+    plain = by_plain_key(provenance)
+    stated = (
+        (first_entry(plain, KEYS[SERIAL]) or serial, "serial number of the arm", "serial"),
+        (first_entry(plain, KEYS[DATE]) or when, "date of the measurements", "when"),
+    )
+    for value, what, key in stated:
         if not value:
             raise BadInput(
                 f"the {what} is not stated",
@@ -291,41 +240,32 @@ def _origin(provenance: Mapping[str, object], path: Path, serial: str | None, wh
                 remedy=f"state provenance.{key} in the header of the run, or add it with --{key}",
                 file=path,
             )
-    assert serial is not None
-    assert when is not None
-    return _Origin(serial, moment(when, path), provenance_entry(provenance, KEYS[OPERATOR]), provenance)
+    (arm, *_), (date, *_) = stated
+    return str(arm), moment(str(date), path)
 
 
-def _entry(result: Result, text: str, origin: _Origin) -> Entry:
+def _entry(result: Result, text: str, serial: str, measured_at: datetime) -> Entry:
     """ValueError where the result is not a whole one."""
-    inputs = result.inputs
+    inputs, provenance = result.inputs, by_plain_key(result.inputs.provenance)
     if not re.fullmatch("[0-9a-f]{64}", inputs.sha256):
         raise ValueError("inputs.sha256 is no SHA-256")
-    offsets = checked_offsets(
-        tuple(
-            ParameterRow(row.name, row.unit, row.status, row.estimate, row.std, row.interval95)
-            for row in result.offsets
-        )
-    )
     if result.accuracy is None:
         raise ValueError("accuracy: Field required")
-    sensitivity = result.accuracy.sensitivity_mm2
+    rows = [(row.name, row.unit, row.status, row.estimate, row.std, row.interval95) for row in result.offsets]
     return Entry(
         sha256=inputs.sha256,
-        serial=origin.serial,
+        serial=serial,
         model=_text(inputs.robot),
         vendor=None if inputs.vendor is None else _text(inputs.vendor),
-        measured_at=origin.measured_at,
-        instrument=instrument(origin.provenance, inputs.instruments.values()),
-        operator=origin.operator,
+        measured_at=measured_at,
+        instrument=instrument(provenance, inputs.instruments.values()),
+        operator=provenance_entry(provenance, KEYS[OPERATOR]),
         run=_text(inputs.run),
         shots=inputs.shots,
         verdict=result.verdict,
-        offsets=offsets,
-        without_prior=checked_without_prior(result.without_prior, offsets)
-        if result.fits.likelihood.converged
-        else None,
-        sensitivity_mm2=checked_sensitivity(sensitivity and [list(row) for row in sensitivity], offsets),
+        offsets=tuple(ParameterRow(*row) for row in rows),
+        without_prior=result.without_prior if result.fits.likelihood.converged else None,
+        sensitivity_mm2=result.accuracy.sensitivity_mm2,
         made_by=_text(inputs.versions["zerobeam"]),
         document_sha256=hashlib.sha256(text.encode()).hexdigest(),
         text=text,

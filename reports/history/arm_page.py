@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime
-from functools import cached_property
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
 
-from ...analysis.answer.answer_message import Message
 from ...analysis.drift.drift import ALARM, MEDIAN
 from ...analysis.status import known
-from ...experiments.history.arm_drift import NOT_SOON, ArmDrift
-from ...experiments.history.documents import ArmState, State
-from ...experiments.history.stored_result import Event, StoredResult
-from ...model.records import to_json
+from ...experiments.history.arm_drift import FEW, LeftOut
+from ...experiments.history.arm_history import ArmHistory, State
+from ...experiments.history.stored_result import StoredResult
 from ...words import numbers
 from ...words.wording import clipped, label, listed
 from ..style.blocks import (
     Block,
+    Columns,
     Facts,
     FigureBlock,
     Page,
     Paragraph,
-    Row,
     Section,
     Table,
-    row_of,
     section_of,
-    table_of,
+    table_by,
 )
 from ..style.blocks import Verdict as Headline
 from .history_tables import (
@@ -38,71 +34,35 @@ from .history_tables import (
     due_sentence,
     events_table,
     jumps_blocks,
-    offset_names,
     offsets_blocks,
     verdict_cell,
 )
 from .trend_figure import AT_ONCE
 
-# The status of the palette whose shape and colour each has.
-MARKS: dict[str, str] = {
-    "overdue": "misfit",
-    "jump without event": "weak",
-    "jump": "weak",
-    "misfit": "unvalidated",
-    "no due date": "unidentifiable",
-    "on schedule": "identified",
+
+class StateWords(NamedTuple):
+    """How a state is shown: the `role` of its headline, its mark in lists, its word, and what to do."""
+
+    role: str
+    mark: str
+    word: str
+    to_do: str
+
+
+STATE_WORDS: dict[State, StateWords] = {
+    "overdue": StateWords("misfit", "misfit", "Calibrate now", "calibrate now"),
+    "jump without event": StateWords(
+        *("weak", "weak", "Jump without an event"),
+        "find out what happened, and log it: zerobeam history event",
+    ),
+    "jump": StateWords("weak", "weak", "Jump", "look at the arm’s page: an event was logged when it jumped"),
+    "misfit": StateWords(
+        *("misfit", "unvalidated", "Misfit"),
+        "see the report of the last result for what explains it, and measure again",
+    ),
+    "no due date": StateWords("degenerate", "unidentifiable", "No due date", "see why below"),
+    "on schedule": StateWords("pass", "identified", "On schedule", "nothing before the due date"),
 }
-
-
-def arm_state(
-    arm: ArmDrift, results: Sequence[StoredResult], judged: Message | None, as_of: datetime | None
-) -> ArmState:
-    """The row of an arm with its drift, all its results and what the last one is worth; `as_of` is the day on
-    which it is asked."""
-    last = results[-1] if results else None
-    return ArmState(
-        serial=arm.serial,
-        model=arm.model,
-        results=len(results),
-        counted=len(arm.used),
-        last=None if last is None else last.measured_at,
-        verdict=None if last is None else last.verdict,
-        judged=judged,
-        jumps=len(arm.jumps),
-        clearest=min(arm.jumps, key=lambda jump: (bool(jump.events), jump.p_value), default=None),
-        next_due=arm.next_due,
-        state=_state(arm, last, as_of),
-        undecided=len(arm.undecided),
-    )
-
-
-def _state(arm: ArmDrift, last: StoredResult | None, as_of: datetime | None) -> State:
-    if arm.due is not None and (arm.due_reason or (as_of is not None and arm.due.date() <= as_of.date())):
-        return "overdue"
-    if any(not jump.events for jump in arm.jumps):
-        return "jump without event"
-    if arm.jumps:
-        return "jump"
-    if last is not None and last.verdict == "misfit":
-        return "misfit"
-    known = arm.due is not None or arm.due_reason == NOT_SOON
-    return "on schedule" if known else "no due date"
-
-
-def state_row(state: ArmState) -> dict[str, object]:
-    """A row of fleet.csv."""
-    row = to_json(state)
-    jump, due = row.pop("clearest_jump") or {}, row.pop("due")
-    del row["page"]
-    return {
-        **row,
-        "clearest_jump": jump.get("offset"),
-        "clearest_jump_before": jump.get("before"),
-        "clearest_jump_p": jump.get("p_value"),
-        "due": due["date"],
-        "due_reason": due["reason"],
-    }
 
 
 _MOST_ROWS = 500
@@ -113,56 +73,6 @@ DUE_MEANS = (
     "until then the TCP error stays within the tolerance with a probability of 95\u00a0%, if the offsets of"
     " the last result are applied; jumps are not foreseen"
 )
-KEYS: dict[State, str] = {
-    "overdue": "misfit",
-    "jump without event": "weak",
-    "jump": "weak",
-    "misfit": "misfit",
-    "no due date": "degenerate",
-    "on schedule": "pass",
-}
-WORDS: dict[State, str] = {
-    "overdue": "Calibrate now",
-    "jump without event": "Jump without an event",
-    "jump": "Jump",
-    "misfit": "Misfit",
-    "no due date": "No due date",
-    "on schedule": "On schedule",
-}
-
-
-@dataclass(frozen=True, eq=False)
-class ArmHistory:
-    """An arm with all that the history has of it, and what each pass is worth (`judged`); `as_of` is the day
-    of the question, None without a result in the history."""
-
-    arm: ArmDrift
-    results: tuple[StoredResult, ...]
-    judged: tuple[Message | None, ...]
-    events: tuple[Event, ...]
-    as_of: datetime | None
-
-    @cached_property
-    def state(self) -> ArmState:
-        """Its row in the list of all arms."""
-        judged = self.judged[-1] if self.judged else None
-        return arm_state(self.arm, self.results, judged, self.as_of)
-
-    @cached_property
-    def never(self) -> tuple[str, ...]:
-        """The offsets that some result wanted to know, and that none which counts determines."""
-        drift = self.arm.drift
-        determined = (
-            drift.series.names
-            if drift is not None
-            else [
-                name
-                for result in self.arm.used
-                if result.without_prior
-                for name in result.without_prior.names
-            ]
-        )
-        return tuple(name for name in offset_names(self.results) if name not in determined)
 
 
 def arm_page(history: ArmHistory) -> Page:
@@ -180,7 +90,7 @@ def arm_page(history: ArmHistory) -> Page:
 
 def headline(history: ArmHistory) -> Headline:
     """What to do, and why."""
-    arm, state = history.arm, history.state.state
+    arm, state = history.arm, STATE_WORDS[history.state]
     if not history.results:
         none = "The history has no result of this arm: nothing is known of its offsets."
         return Headline("degenerate", "No results", none)
@@ -193,15 +103,15 @@ def headline(history: ArmHistory) -> Headline:
             f"{every}: the model does not describe the measurements, so no offset of this arm is known, and"
             " there is no due date. The report of each result says what explains it best.",
         )
-    return Headline(KEYS[state], WORDS[state], f"{_why(history)}{due_sentence(arm)}")
+    return Headline(state.role, state.word, f"{_why(history)}{due_sentence(arm)}")
 
 
 def _why(history: ArmHistory) -> str:
     """What is said before the due date."""
-    arm, state, jump = history.arm, history.state.state, history.state.clearest
-    if state == "overdue" and not arm.due_reason and history.as_of is not None and arm.due is not None:
-        today = arm.due.date() == history.as_of.date()
-        return f"{'Due' if today else 'Overdue'} on {history.as_of:%Y-%m-%d}. "
+    arm, state, jump = history.arm, history.state, history.clearest
+    if state == "overdue" and not arm.due_reason and history.asked is not None and arm.due is not None:
+        today = arm.due.date() == history.asked.date()
+        return f"{'Due' if today else 'Overdue'} on {history.as_of}. "
     if state == "jump without event" and jump is not None:
         request = "no event is logged in between: find out what happened, and log it"
         return f"{change_sentence(jump)}, and {request}. "
@@ -221,15 +131,15 @@ def _why(history: ArmHistory) -> str:
 
 def _notes(history: ArmHistory) -> Iterator[str]:
     arm, drift = history.arm, history.arm.drift
-    if history.never and arm.used:
-        yield f"Determined by no result that counts: {listed([label(name) for name in history.never])}"
+    if history.undetermined and arm.used:
+        yield f"Determined by no result that counts: {listed([label(name) for name in history.undetermined])}"
     if drift is not None:
         known_now = zip(drift.series.names, drift.series.determined[-1], strict=True)
         if lost := [label(name) for name, is_known in known_now if not is_known]:
             yield f"Not determined since the last mastering: {listed(lost)}"
-        if drift.effective < FEW_RATES:
-            yield "Few drift rates explain these results: intervals and p-values are approximate"
-    mentioned = history.state.clearest if history.state.state in ("jump", "jump without event") else None
+        if drift.effective < FEW:
+            yield FEW_RATES
+    mentioned = history.clearest if history.state in ("jump", "jump without event") else None
     others = [
         f"{label(one.offset)}, {day(one.after)} to {day(one.before)}"
         for one in arm.jumps
@@ -254,7 +164,7 @@ def _facts(history: ArmHistory) -> list[tuple[str, str]]:
         facts.append(("To", day(results[-1].measured_at)))
     facts.append(("Tolerance at the TCP", numbers.exact(history.arm.tolerance_mm, "mm")))
     if history.as_of is not None:
-        facts.append(("As of", f"{history.as_of:%Y-%m-%d}"))
+        facts.append(("As of", history.as_of))
     return facts
 
 
@@ -273,7 +183,13 @@ def _sections(history: ArmHistory) -> Iterator[Section]:
     if events is not None:
         yield section_of("Events", events)
     if arm.left_out:
-        yield section_of("What does not count", _left_out(history))
+        newest = arm.left_out[: -_MOST_ROWS - 1 : -1]
+        columns: Columns[LeftOut] = {
+            "date": lambda one: day(one.result.measured_at),
+            "why": lambda one: one.reason,
+        }
+        caption = "Results that have no part in the drift, the newest first"
+        yield section_of("What does not count", table_by(caption, newest, columns, "l"))
     yield section_of("How it is worked out", Facts(list(_about(history))))
 
 
@@ -284,35 +200,37 @@ def _trend(history: ArmHistory) -> Iterator[Block]:
         " results it is that of the random walk, so it is wider there; it breaks where an offset jumps or the"
         " controller gets new zeros, and goes on as a forecast after the last result, if nothing jumps."
     )
-    panels = len(history.arm.drift.series.names) + len(history.never) if history.arm.drift is not None else 0
+    panels = (
+        len(history.arm.drift.series.names) + len(history.undetermined)
+        if history.arm.drift is not None
+        else 0
+    )
     yield from map(FigureBlock, figure_names(panels))
 
 
 def _never(history: ArmHistory) -> Iterator[Block]:
-    if history.never:
-        names = listed([label(name) for name in history.never])
+    if history.undetermined:
+        names = listed([label(name) for name in history.undetermined])
         yield Paragraph(f"Not determined by any result that counts, so without a number: {names}.")
 
 
 def calibrations(history: ArmHistory) -> Table:
     """Every result, the newest first."""
-    columns = ["date", "verdict", "worst u", "instrument", "operator", "document"]
     caption = "The newest first. Worst u: largest standard uncertainty; document: SHA-256 of result.json"
     if len(history.results) > _MOST_ROWS:
         caption += f". The last {_MOST_ROWS} of {len(history.results):,}: arm.json has all"
-    newest = list(zip(history.results, history.judged, strict=True))[: -_MOST_ROWS - 1 : -1]
-    rows = [_calibration(one, judged) for one, judged in newest]
-    return table_of(caption, columns, rows, "l")
-
-
-def _calibration(result: StoredResult, judged: Message | None) -> Row:
-    return row_of(
-        day(result.measured_at),
-        verdict_cell(result.verdict, judged),
-        _worst(result),
-        clipped(result.instrument, 24) or _NO_TEXT,
-        clipped(result.operator, 24) or _NO_TEXT,
-        result.document_sha256[:10],
+    return table_by(
+        caption,
+        list(zip(history.results, history.judged, strict=True))[: -_MOST_ROWS - 1 : -1],
+        {
+            "date": lambda row: day(row[0].measured_at),
+            "verdict": lambda row: verdict_cell(row[0].verdict, row[1]),
+            "worst u": lambda row: _worst(row[0]),
+            "instrument": lambda row: clipped(row[0].instrument, 24) or _NO_TEXT,
+            "operator": lambda row: clipped(row[0].operator, 24) or _NO_TEXT,
+            "document": lambda row: row[0].document_sha256[:10],
+        },
+        "l",
     )
 
 
@@ -329,13 +247,6 @@ def _worst(result: StoredResult) -> str:
         return _NO_TEXT
     name, (std, unit) = max(stds.items(), key=lambda item: item[1][0])
     return f"{label(name)} {numbers.spread(std, unit)}"
-
-
-def _left_out(history: ArmHistory) -> Table:
-    newest = list(reversed(history.arm.left_out))[:_MOST_ROWS]
-    rows = [row_of(day(one.result.measured_at), one.reason) for one in newest]
-    columns = ["date", "why"]
-    return table_of("Results that have no part in the drift, the newest first", columns, rows, "l")
 
 
 def _about(history: ArmHistory) -> Iterator[tuple[str, str]]:

@@ -10,22 +10,17 @@ from contextlib import closing
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from ...experiments.history.arm_drift import ArmDrift
-from ...experiments.history.documents import (
-    ARM_SCHEMA,
-    FLEET_SCHEMA,
-    ArmDocument,
-    ArmState,
-    FleetDocument,
-)
-from ...experiments.history.fleet_drift import fleet_drift
+from ...experiments.history.arm_history import ARM_SCHEMA, ArmHistory, ArmState
+from ...experiments.history.fleet_drift import FLEET_SCHEMA, Fleet, fleet_drift
 from ...experiments.processes import side_by_side
 from ...model.records import to_json
 from ..output import whole_folder
 from ..output.whole_folder import LITTER, FolderContents, Kind, write_answer, write_files, write_folder
-from .arm_page import ArmHistory, arm_page, headline, state_row
-from .fleet_page import MOST_ROWS, Fleet, fleet_page
+from .arm_page import arm_page, headline
+from .fleet_page import MOST_ROWS, fleet_page
 from .history_tables import offset_rows
 from .trend_figure import trend_pictures
 
@@ -78,30 +73,25 @@ def check_fleet_target(folder: Path) -> None:
                 whole_folder.check_target(path, _ARM)
 
 
-def arm_document(history: ArmHistory) -> ArmDocument:
+def arm_document(history: ArmHistory) -> dict[str, Any]:
     """`arm.json` of an arm."""
-    return ArmDocument(
-        serial=history.arm.serial,
-        model=history.arm.model,
-        as_of=None if history.as_of is None else f"{history.as_of:%Y-%m-%d}",
-        headline=headline(history).sentence,
-        state=history.state.state,
-        undetermined=tuple(history.never),
-        drift=history.arm,
-        results=history.results,
-        events=tuple(history.events),
-    )
+    answer: dict[str, Any] = to_json(history, {ArmHistory: {"headline": lambda one: headline(one).sentence}})
+    return answer
 
 
-def fleet_document(fleet: Fleet) -> FleetDocument:
-    """`fleet.json` of all arms."""
-    return FleetDocument(
-        as_of=None if fleet.as_of is None else f"{fleet.as_of:%Y-%m-%d}",
-        tolerance_mm=fleet.tolerance_mm,
-        states={str(state): count for state, count in fleet.counts.items()},
-        drift=fleet.drift,
-        arms=tuple(replace(row, page=fleet.pages.get((row.serial, row.model))) for row in fleet.rows),
-    )
+def state_row(state: ArmState) -> dict[str, object]:
+    """A row of fleet.csv."""
+    row = to_json(state)
+    jump, due = row.pop("clearest_jump") or {}, row.pop("due")
+    del row["page"]
+    return {
+        **row,
+        "clearest_jump": jump.get("offset"),
+        "clearest_jump_before": jump.get("before"),
+        "clearest_jump_p": jump.get("p_value"),
+        "due": due["date"],
+        "due_reason": due["reason"],
+    }
 
 
 def safe_name(serial: str, model: str) -> str:
@@ -112,9 +102,9 @@ def safe_name(serial: str, model: str) -> str:
 
 
 def _of_arm(history: ArmHistory) -> FolderContents:
-    pictures = trend_pictures(history.arm, history.events, history.never)
+    pictures = trend_pictures(history.arm, history.events, history.undetermined)
     tables = {_ARM_TABLE: offset_rows(history.results)}
-    return FolderContents(to_json(arm_document(history)), arm_page(history), pictures, tables)
+    return FolderContents(arm_document(history), arm_page(history), pictures, tables)
 
 
 def _write_fleet(
@@ -133,7 +123,7 @@ def _write_fleet(
         for number, arm in enumerate(arms):
             tell(f"{number} of {len(arms)}", _OF_ARMS * number / len(arms) / (1 if few else 2))
             history = of(arm)
-            rows.append(history.state)
+            rows.append(history.row)
             drifts.append(history.arm.at_last())
             yield history
 
@@ -150,13 +140,12 @@ def _write_fleet(
     shown = rows[:MOST_ROWS]
     if not few:
         _write_beside(folder, gravest(), len(shown))
-    pages = {
-        (row.serial, row.model): f"{_ARMS}/{safe_name(row.serial, row.model)}/{ARM_PAGE}" for row in shown
-    }
+    pages = [f"{_ARMS}/{safe_name(row.serial, row.model)}/{ARM_PAGE}" for row in shown]
     drift = fleet_drift(drifts, lambda stage, share: tell(stage, _OF_ARMS + (1 - _OF_ARMS) * share))
-    fleet = Fleet(tuple(rows), pages, tolerance_mm, as_of, drift)
-    tables = {_FLEET_TABLE: map(state_row, rows)}
-    contents = FolderContents(to_json(fleet_document(fleet)), fleet_page(fleet), tables=tables)
+    leading = (replace(row, page=page) for row, page in zip(shown, pages, strict=True))
+    fleet = Fleet(tolerance_mm=tolerance_mm, drift=drift, arms=(*leading, *rows[MOST_ROWS:]), asked=as_of)
+    tables = {_FLEET_TABLE: map(state_row, fleet.arms)}
+    contents = FolderContents(to_json(fleet), fleet_page(fleet), tables=tables)
     write_files(folder, _FLEET, contents)
     return fleet
 

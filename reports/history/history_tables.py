@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
+from typing import TypeVar
 
 from ...analysis.answer.answer_message import Message
 from ...analysis.drift.instrument_biases import Bias
 from ...analysis.status import Verdict
-from ...experiments.history.arm_drift import ArmDrift, DatedChange, DatedJump, DriftingOffset, Rate
-from ...experiments.history.documents import HISTORY_SCHEMA
-from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, InstrumentJump, ModelWalk
+from ...experiments.history.arm_drift import FEW, ArmDrift, DatedChange, DriftingOffset, Rate
+from ...experiments.history.arm_history import HISTORY_SCHEMA, ClearestJump, offset_names
+from ...experiments.history.fleet_drift import ArmWalk, ArmWalks, FleetDrift, InstrumentJump, ModelWalk
 from ...experiments.history.stored_result import Arm, Event, StoredResult
 from ...model.records import one_line, to_json
 from ...words import numbers
 from ...words.message import verdict_words
 from ...words.wording import capital, clipped, counted, label, listed, shown, status_words
-from ..style.blocks import Block, Cell, Paragraph, Row, Table, row_of, table_of
+from ..style.blocks import Block, Cell, Columns, Paragraph, Table, table_by
+from ..style.palette import VERDICT_MARKS
 
 _NONE = "none"
-_MARKS: dict[Verdict, str] = {
-    "misfit": "unvalidated",
-    "degenerate": "unidentifiable",
-    "weak": "weak",
-    "pass": "identified",
-}
+Change = TypeVar("Change", bound=DatedChange)
+Judged = Message | None  # what a result is worth, None where that cannot be read
 
 
 def day(when: datetime | None) -> str:
@@ -36,60 +35,81 @@ def day(when: datetime | None) -> str:
     return when.strftime("%Y-%m-%d" if (when.hour, when.minute) == (0, 0) else "%Y-%m-%d %H:%M")
 
 
-def arms_table(arms: Sequence[Arm], judged: Sequence[Message | None]) -> Table:
+def date_or(when: datetime | None, words: str = _NONE) -> str:
+    """The day of a due date."""
+    return words if when is None else f"{when:%Y-%m-%d}"
+
+
+def arms_table(arms: Sequence[Arm], judged: Sequence[Judged]) -> Table:
     """Every arm with its last result, and what that is worth."""
-    heads = ("arm", "model", "results", "last", "verdict")
-    rows = [
-        row_of(
-            clipped(arm.serial, 30),
-            clipped(arm.model, 24),
-            str(arm.results),
-            day(arm.last),
-            _NONE if arm.verdict is None else verdict_words(arm.verdict, worth),
-            tone="" if arm.verdict is None else _tone(worth),
-        )
-        for arm, worth in zip(arms, judged, strict=True)
-    ]
-    return table_of(f"{counted(len(arms), 'arm')}, by serial number", heads, rows, "llrl")
+    return table_by(
+        f"{counted(len(arms), 'arm')}, by serial number",
+        list(zip(arms, judged, strict=True)),
+        {
+            "arm": lambda row: clipped(row[0].serial, 30),
+            "model": lambda row: clipped(row[0].model, 24),
+            "results": lambda row: str(row[0].results),
+            "last": lambda row: day(row[0].last),
+            "verdict": lambda row: _NONE if row[0].verdict is None else verdict_words(row[0].verdict, row[1]),
+        },
+        "llrl",
+        tone=lambda row: "" if row[0].verdict is None else _tone(row[1]),
+    )
 
 
-def results_table(results: Sequence[StoredResult], judged: Sequence[Message | None]) -> Table:
+def results_table(results: Sequence[StoredResult], judged: Sequence[Judged]) -> Table:
     """The results of an arm in the order of time, and what each is worth: an offset a column."""
-    names = offset_names(results)
-    columns = ["date", "verdict", *(label(name) for name in names)]
-    rows = [
-        row_of(
-            day(result.measured_at),
-            verdict_words(result.verdict, worth),
-            *(_offset(result, name) for name in names),
-            tone=_tone(worth),
-        )
-        for result, worth in zip(results, judged, strict=True)
-    ]
-    return table_of(f"{counted(len(results), 'result')}, ± standard uncertainty", columns, rows, "llr")
+    return table_by(
+        f"{counted(len(results), 'result')}, ± standard uncertainty",
+        list(zip(results, judged, strict=True)),
+        {
+            "date": lambda row: day(row[0].measured_at),
+            "verdict": lambda row: verdict_words(row[0].verdict, row[1]),
+            **{label(name): partial(_offset, name) for name in offset_names(results)},
+        },
+        "llr",
+        tone=lambda row: _tone(row[1]),
+    )
 
 
-def verdict_cell(verdict: Verdict, judged: Message | None) -> Cell:
+def verdict_cell(verdict: Verdict, judged: Judged) -> Cell:
     """The verdict of a stored result with its shape and colour, and what it is worth."""
-    mark = _MARKS[verdict] if verdict != "pass" or _tone(judged) == "" else "weak"
+    mark = "weak" if verdict == "pass" and _tone(judged) else VERDICT_MARKS[verdict]
     return Cell(capital(verdict_words(verdict, judged)), mark=mark)
 
 
-def offset_names(results: Iterable[StoredResult]) -> list[str]:
-    """The offsets that any of the results estimates, joint 1 first."""
-    names = {row.name: None for result in results for row in result.offsets if not row.held}
-    return sorted(names, key=lambda name: (len(name), name))
+def _tone(judged: Judged) -> str:
+    """Of a row: plain where the robot passed, and where no robot was measured."""
+    return "" if judged is not None and judged.grade in ("pass", "held") else "weak"
+
+
+def _offset(name: str, judged: tuple[StoredResult, Judged]) -> str | Cell:
+    row = next((row for row in judged[0].offsets if row.name == name), None)
+    if row is not None and row.status in ("held", "unidentifiable"):
+        return Cell(status_words(row.status), mark=row.status)
+    if row is None or row.estimate is None or row.std is None:
+        return "not given"
+    return Cell(
+        _with_u(row.estimate, row.std, row.unit), mark="" if row.status == "identified" else row.status
+    )
+
+
+def _with_u(estimate: float, std: float, unit: str) -> str:
+    return f"{numbers.estimate(estimate, std)} ± {numbers.spread(std, unit)}"
 
 
 def events_table(events: Sequence[Event]) -> Table | None:
     """The logged events; None where there is none."""
-    rows = [row_of(day(event.at), event.what, shown(event.note)) for event in events]
-    columns = ["date", "event", "note"]
-    return table_of("Events", columns, rows, "l") if rows else None
+    columns: Columns[Event] = {
+        "date": lambda event: day(event.at),
+        "event": lambda event: event.what,
+        "note": lambda event: shown(event.note),
+    }
+    return table_by("Events", events, columns, "l") if events else None
 
 
 def history_text(
-    results: Iterable[tuple[StoredResult, Message | None]], events: Iterable[Event] | None = None
+    results: Iterable[tuple[StoredResult, Judged]], events: Iterable[Event] | None = None
 ) -> Iterator[str]:
     """Results with what they are worth, and events where they are given, as JSON in pieces: a line each."""
     yield f'{{\n "schema": "{HISTORY_SCHEMA}",\n "results": '
@@ -100,7 +120,7 @@ def history_text(
     yield "\n}\n"
 
 
-def worth(result: StoredResult, judged: Message | None) -> StoredResult:
+def worth(result: StoredResult, judged: Judged) -> StoredResult:
     """The result with what it is worth, where that was read."""
     return result if judged is None else replace(result, grade=judged.grade, may=judged.may)
 
@@ -115,50 +135,25 @@ def _listed(rows: Iterable[StoredResult | Event]) -> Iterator[str]:
 
 def offset_rows(results: Iterable[StoredResult]) -> Iterator[dict[str, object]]:
     """A row for each result and offset."""
+    of_result = ("serial", "model", "measured_at", "instrument", "operator", "run", "sha256", "verdict")
     for result in results:
+        whole = to_json(replace(result, without_prior=None))
         for row in result.offsets:
             low, high = row.interval95 or (None, None)
             yield {
-                "serial": result.serial,
-                "model": result.model,
-                "measured_at": to_json(result.measured_at),
-                "instrument": result.instrument or None,
-                "operator": result.operator or None,
-                "run": result.run,
-                "sha256": result.sha256,
-                "verdict": result.verdict,
+                **{name: whole[name] for name in of_result},
                 "offset": row.name,
-                "unit": row.unit,
-                "status": row.status,
-                "estimate": row.estimate,
-                "std": row.std,
+                **{name: getattr(row, name) for name in ("unit", "status", "estimate", "std")},
                 "low95": low,
                 "high95": high,
             }
 
 
-def _tone(judged: Message | None) -> str:
-    """Of a row: plain where the robot passed, and where no robot was measured."""
-    return "" if judged is not None and judged.grade in ("pass", "held") else "weak"
-
-
-def _offset(result: StoredResult, name: str) -> str | Cell:
-    for row in result.offsets:
-        if row.name != name:
-            continue
-        if row.status in ("held", "unidentifiable"):
-            return Cell(status_words(row.status), mark=row.status)
-        if row.estimate is None or row.std is None:
-            break
-        text = f"{numbers.estimate(row.estimate, row.std)} ± {numbers.spread(row.std, row.unit)}"
-        return Cell(text, mark="" if row.status == "identified" else row.status)
-    return "not given"
-
-
 _MOST = 20  # rows of a table; the JSON has all
 _FASTEST = 10
-FEW_RATES = 30  # rates: below, the numbers are coarse
+_NO_INTERVAL = 4  # rates: below, their ends are those of single rates
 UNDECIDED = "too few results to distinguish a jump from drift"
+FEW_RATES = "Few drift rates explain these results: intervals and p-values are approximate"
 
 
 def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
@@ -166,8 +161,8 @@ def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
     if arm.drift is not None:
         yield from jumps_blocks(arm)
         yield from offsets_blocks(arm)
-        if arm.drift.effective < FEW_RATES:
-            yield Paragraph("Few drift rates explain these results: intervals and p-values are approximate.")
+        if arm.drift.effective < FEW:
+            yield Paragraph(f"{FEW_RATES}.")
     yield Paragraph(f"{due_sentence(arm)} {counted(len(arm.used), 'result')} counted.")
     for left in arm.left_out:
         yield Paragraph(f"Not counted: the result of {day(left.result.measured_at)}. {left.reason}.")
@@ -177,79 +172,83 @@ def due_sentence(arm: ArmDrift) -> str:
     """When the next calibration is due, or why there is no date."""
     tolerance = numbers.exact(arm.tolerance_mm, "mm")
     limit = f"TCP error within {tolerance} (95 %, rms over the region of the last run)"
-    reason = with_labels(arm.due_reason)
     if arm.due is not None and not arm.due_reason:
         return f"Next calibration due: {arm.due:%Y-%m-%d}, for a {limit}."
     word = "due now" if arm.due is not None else "no due date"
-    return f"Next calibration: {word} for a {limit}: {reason}."
+    return f"Next calibration: {word} for a {limit}: {with_labels(arm.due_reason)}."
 
 
 def with_labels(text: str) -> str:
     """A sentence with the offsets in it as people write them."""
-    return re.sub(r"delta\d+", lambda name: label(name.group()), text)
+    return re.sub(r"\bdelta\d+\b", lambda name: label(name.group()), text)
 
 
-def arms_drift_table(arms: Sequence[ArmDrift]) -> Block:
+def arms_drift_table(arms: Sequence[ArmDrift]) -> Table:
     """A row for each arm: its clearest jump, and when it is due."""
-    rows = [
-        row_of(
-            clipped(arm.serial, 24),
-            clipped(arm.model, 20),
-            str(len(arm.used)),
-            _clearest(arm),
-            "none" if arm.due is None else f"{arm.due:%Y-%m-%d}",
-            tone="weak" if arm.jumps or arm.undecided else "",
-        )
-        for arm in arms
-    ]
-    heads = ("arm", "model", "results", "clearest jump", "due")
-    return table_of("Drift of all arms", heads, rows, "llrl")
+
+    def clearest(arm: ArmDrift) -> str:
+        jump = min(arm.jumps, key=lambda jump: jump.p_value, default=None)
+        return clearest_jump(jump, len(arm.undecided)) or _NONE
+
+    return table_by(
+        "Drift of all arms",
+        arms,
+        {
+            "arm": lambda arm: clipped(arm.serial, 24),
+            "model": lambda arm: clipped(arm.model, 20),
+            "results": lambda arm: str(len(arm.used)),
+            "clearest jump": clearest,
+            "due": lambda arm: date_or(arm.due),
+        },
+        "llrl",
+        tone=lambda arm: "weak" if arm.jumps or arm.undecided else "",
+    )
 
 
 def offsets_blocks(arm: ArmDrift) -> Iterator[Block]:
     """Every offset at the last result, and how fast it walks; which of them are only as good as what was
     assumed."""
-    offsets = arm.offsets
-    rows = [
-        row_of(
-            label(offset.name),
-            _now(offset),
-            *_rate(offset.rate, offset.unit),
-            tone="assumed" if offset.status == "assumed" else "",
-        )
-        for offset in offsets
-    ]
-    heads = ("offset", "at the last result", "drift rate", "95 % interval")
-    yield table_of("Offsets by all results, and their drift rate per root year", heads, rows)
-    if assumed := [label(offset.name) for offset in offsets if offset.status == "assumed"]:
+    yield table_by(
+        "Offsets by all results, and their drift rate per root year",
+        arm.offsets,
+        {
+            "offset": lambda row: label(row.name),
+            "at the last result": _now,
+            "drift rate": lambda row: _UNKNOWN if row.rate is None else rate_words(row.rate, row.unit),
+            "95 % interval": lambda row: "" if row.rate is None else ends_words(row.rate),
+        },
+        tone=lambda row: "assumed" if row.status == "assumed" else "",
+    )
+    if assumed := [label(offset.name) for offset in arm.offsets if offset.status == "assumed"]:
         yield Paragraph(
             f"{listed(assumed)}: assumed. What was assumed is the same in every result: more results do not"
             " make it better."
         )
 
 
-def _rate(rate: Rate | None, unit: str) -> tuple[str | Cell, str]:
-    if rate is None:
-        return Cell("not determined", mark="unidentifiable"), ""
-    return numbers.significant(rate.median, 2, unit), _interval(rate.interval95)
+_UNKNOWN = Cell("not determined", mark="unidentifiable")
 
 
 def _now(offset: DriftingOffset) -> str | Cell:
     if offset.estimate is None or offset.std is None:
         return Cell("not determined since the mastering", mark="unidentifiable")
-    text = f"{numbers.estimate(offset.estimate, offset.std)} ± {numbers.spread(offset.std, offset.unit)}"
-    return Cell(text, mark="assumed" if offset.status == "assumed" else "")
+    mark = "assumed" if offset.status == "assumed" else ""
+    return Cell(_with_u(offset.estimate, offset.std, offset.unit), mark=mark)
 
 
 def jumps_blocks(arm: ArmDrift) -> Iterator[Block]:
     """The jumps, the changes that may be one, and what was logged in between."""
     if arm.jumps:
         caption = "Jumps; p-values adjusted for the number of tests (Bonferroni)"
-        jumps = [(jump, numbers.p_value(jump.p_value)) for jump in arm.jumps]
-        yield _changes_table(caption, "p-value", jumps)
+        yield _changes_table(caption, arm.jumps, "p-value", lambda jump: numbers.p_value(jump.p_value))
     if arm.undecided:
-        least = [(dated, numbers.significant(dated.least_jump, 2, dated.unit)) for dated in arm.undecided]
-        yield _changes_table(f"Jump or drift: {UNDECIDED}", "a jump from", least)
+        caption = f"Jump or drift: {UNDECIDED}"
+        yield _changes_table(
+            caption,
+            arm.undecided,
+            "a jump from",
+            lambda one: numbers.significant(one.least_jump, 2, one.unit),
+        )
     elif not arm.jumps:
         yield Paragraph(without_jump(arm))
 
@@ -261,20 +260,18 @@ def without_jump(arm: ArmDrift) -> str:
     return "No change from one result to the next exceeds their uncertainty."
 
 
-def _changes_table(caption: str, head: str, rows: Sequence[tuple[DatedChange, str]]) -> Table:
-    """Changes, each with what stands in the column `head`."""
-    heads = ("offset", "between", "change", head, "events")
-    cells = [
-        row_of(
-            Cell(label(dated.offset), mark="weak"),
-            f"{day(dated.after)} to {day(dated.before)}",
-            _change(dated),
-            text,
-            ", ".join(_happened(dated)) or "none logged",
-        )
-        for dated, text in rows
-    ]
-    return table_of(caption, heads, cells, "llrrl")
+def _changes_table(
+    caption: str, changes: Sequence[Change], head: str, says: Callable[[Change], str]
+) -> Table:
+    """Changes, with a column `head` of their kind."""
+    columns: Columns[Change] = {
+        "offset": lambda one: Cell(label(one.offset), mark="weak"),
+        "between": lambda one: f"{day(one.after)} to {day(one.before)}",
+        "change": _change,
+        head: says,
+        "events": lambda one: ", ".join(_happened(one)) or "none logged",
+    }
+    return table_by(caption, changes, columns, "llrrl")
 
 
 def _change(change: DatedChange) -> str:
@@ -297,12 +294,7 @@ def _happened(change: DatedChange) -> Iterator[str]:
         yield f"instrument {changed}, a possible cause: {before} to {after}"
 
 
-def _clearest(arm: ArmDrift) -> str:
-    clearest = min(arm.jumps, key=lambda jump: jump.p_value, default=None)
-    return clearest_jump(clearest, len(arm.undecided)) or "none"
-
-
-def clearest_jump(jump: DatedJump | None, undecided: int) -> str:
+def clearest_jump(jump: DatedChange | ClearestJump | None, undecided: int) -> str:
     """In a list of arms: offset of a jump and the result that shows it, or how many changes may be one."""
     if jump is not None:
         return f"{label(jump.offset)}, {jump.before:%Y-%m-%d}"
@@ -318,41 +310,44 @@ def fleet_blocks(fleet: FleetDrift) -> Iterator[Block]:
     yield from _instrument_blocks(fleet)
 
 
-def _models(fleet: FleetDrift) -> Block:
-    rate = ("drift rate", "95 % interval", "u of a result", "drift > u in a year")
-    return table_of(
+def rate_words(rate: Rate, unit: str = "") -> str:
+    """The median of a rate, as exact as so many drift rates say it."""
+    return numbers.significant(rate.median, _digits(rate), unit)
+
+
+def ends_words(rate: Rate) -> str:
+    """Its 95 % interval; of a few rates alone there is none."""
+    if rate.effective < _NO_INTERVAL:
+        return "too few rates agree"
+    return " to ".join(numbers.significant(end, _digits(rate)) for end in rate.interval95)
+
+
+def _digits(rate: Rate) -> int:
+    return 2 if rate.effective >= FEW else 1
+
+
+def _models(fleet: FleetDrift) -> Table:
+    columns: Columns[ModelWalk] = {
+        "model": lambda row: clipped(row.model, 20),
+        "offset": lambda row: label(row.offset),
+        "arms": lambda row: str(row.arms),
+        "drift rate": lambda row: "not known" if row.median is None else rate_words(row.median, row.unit),
+        "95 % interval": lambda row: "" if row.median is None else ends_words(row.median),
+        "u of a result": lambda row: numbers.significant(row.noticed, 2, row.unit),
+        "drift > u in a year": lambda row: (
+            "" if row.probability is None else numbers.p_value(row.probability)
+        ),
+        "says": lambda row: Cell(
+            ", ".join(filter(None, ("drifts" * row.drifts, _cause(row)))), mark="weak" * row.drifts
+        ),
+    }
+    return table_by(
         "Drift rate of the median arm of each model, per root year. An offset drifts if it changes by more"
         f" than the standard uncertainty of a result in a year; any false alarm: at most {fleet.alarm:.0%}",
-        ("model", "offset", "arms", *rate, "says"),
-        [
-            row_of(
-                clipped(model.model, 20),
-                label(model.offset),
-                str(model.arms),
-                *_model_walk(model),
-                Cell(_remark(model), mark="weak" if model.drifts else ""),
-                tone="weak" if model.drifts else "",
-            )
-            for model in fleet.models
-        ],
+        fleet.models,
+        columns,
         "llrrrrrl",
-    )
-
-
-def _remark(model: ModelWalk) -> str:
-    return ", ".join(part for part in ("drifts" if model.drifts else "", _cause(model)) if part)
-
-
-def _model_walk(model: ModelWalk) -> tuple[str, ...]:
-    u = numbers.significant(model.noticed, 2, model.unit)
-    if model.median is None or model.probability is None:
-        return "not known", "", u, ""
-    median, interval = model.median.median, model.median.interval95
-    return (
-        numbers.significant(median, 2, model.unit),
-        _interval(interval),
-        u,
-        numbers.p_value(model.probability),
+        tone=lambda row: "weak" * row.drifts,
     )
 
 
@@ -362,52 +357,37 @@ def _cause(model: ModelWalk) -> str:
     return f"perhaps a bias: {listed([clipped(name, 24) for name in model.biased], 3)}"
 
 
-def _interval(ends: tuple[float, float]) -> str:
-    return " to ".join(numbers.significant(end, 2) for end in ends)
-
-
-def _fastest(fleet: FleetDrift) -> Block:
+def _fastest(fleet: FleetDrift) -> Table:
     models = {(model.model, model.offset): model for model in fleet.models}
-
-    def ratio(pair: tuple[ArmWalks, ArmWalk]) -> float:
-        arm, offset_walk = pair
-        return (
-            offset_walk.shrunken.median / models[arm.model, offset_walk.offset].noticed
-            if offset_walk.shrunken
-            else 0.0
-        )
-
-    every = [(arm, offset_walk) for arm in fleet.arms for offset_walk in arm.walks if offset_walk.shrunken]
-    rows = [
-        row_of(
-            clipped(arm.serial, 16),
-            clipped(arm.model, 16),
-            label(offset_walk.offset),
-            numbers.significant(offset_walk.shrunken.median, 2, offset_walk.unit),
-            _interval(offset_walk.shrunken.interval95),
-            "its model" if offset_walk.borrowed else "own results",
-            _cause(models[arm.model, offset_walk.offset]),
-        )
-        for arm, offset_walk in sorted(every, key=ratio, reverse=True)[:_FASTEST]
-        if offset_walk.shrunken
+    every = [
+        (arm, walk, walk.shrunken, models[arm.model, walk.offset])
+        for arm in fleet.arms
+        for walk in arm.walks
+        if walk.shrunken
     ]
-    heads = ("arm", "model", "offset", "drift rate", "95 % interval", "mostly by", "possible cause")
+    every.sort(key=lambda row: row[2].median / row[3].noticed, reverse=True)
+    columns: Columns[tuple[ArmWalks, ArmWalk, Rate, ModelWalk]] = {
+        "arm": lambda row: clipped(row[0].serial, 16),
+        "model": lambda row: clipped(row[0].model, 16),
+        "offset": lambda row: label(row[1].offset),
+        "drift rate": lambda row: rate_words(row[2], row[1].unit),
+        "95 % interval": lambda row: ends_words(row[2]),
+        "mostly by": lambda row: "its model" if row[1].borrowed else "own results",
+        "possible cause": lambda row: _cause(row[3]),
+    }
     caption = "Fastest drifts of single arms over the u of a result, with the rates of their model"
-    return table_of(caption, heads, rows, "lllrrl")
+    return table_by(caption, every[:_FASTEST], columns, "lllrrl")
 
 
 def _about_arms(fleet: FleetDrift) -> Iterator[Block]:
     borrowed = [arm.serial for arm in fleet.arms if any(row.borrowed for row in arm.walks)]
-    if borrowed:
-        yield Paragraph(
-            f"Some rates of {_arms(borrowed)} are known more by the other arms of the model than by own"
-            " results."
-        )
     coarse = [arm.serial for arm in fleet.arms if arm.effective < FEW]
+    if borrowed:
+        known = "are known more by the other arms of the model than by own results."
+        yield Paragraph(f"Some rates of {_arms(borrowed)} {known}")
     if coarse:
-        yield Paragraph(
-            f"Few drift rates of {_arms(coarse)} agree with the model: intervals are approximate."
-        )
+        agree = "agree with the model: intervals are approximate."
+        yield Paragraph(f"Few drift rates of {_arms(coarse)} {agree}")
     if fleet.too_few:
         yield Paragraph(f"{counted(fleet.too_few, 'arm')} with fewer than two results that count: not used.")
 
@@ -421,35 +401,29 @@ def _instrument_blocks(fleet: FleetDrift) -> Iterator[Block]:
         ordered = sorted(
             fleet.biases, key=lambda bias: (not bias.alarm, bias.p_value, -abs(bias.estimate) / bias.std)
         )
-        alarms = sum(bias.alarm for bias in ordered)
-        shown = ordered[: max(alarms, _MOST)]
+        most = max(sum(bias.alarm for bias in ordered), _MOST)
         caption = (
             "Biases of instruments, less the mean of those they are comparable to; p-values adjusted for the"
             f" number of tests (Bonferroni); an alarm below {fleet.alarm:g}"
         )
-        if len(shown) < len(ordered):
-            caption += f". {len(shown)} of {len(ordered)}: --json has all"
-        heads = ("instrument", "less", "offset", "difference", "95 % interval", "p-value", "says")
-        yield table_of(caption, heads, [_bias(bias) for bias in shown], "lllrrrl")
-        if any(len(bias.against) == 1 for bias in shown):
+        if most < len(ordered):
+            caption += f". {most} of {len(ordered)}: --json has all"
+        columns: Columns[Bias] = {
+            "instrument": lambda bias: clipped(bias.instrument, 24),
+            "less": lambda bias: listed([clipped(name, 24) for name in bias.against], 3),
+            "offset": lambda bias: label(bias.offset),
+            "difference": lambda bias: _with_u(bias.estimate, bias.std, bias.unit),
+            "95 % interval": lambda bias: numbers.interval(bias.interval95, bias.std),
+            "p-value": lambda bias: numbers.p_value(bias.p_value),
+            "says": lambda bias: Cell(
+                ("biased" if len(bias.against) > 1 else "differs") * bias.alarm, mark="weak" * bias.alarm
+            ),
+        }
+        yield table_by(caption, ordered[:most], columns, "lllrrrl", lambda bias: "weak" * bias.alarm)
+        if any(len(bias.against) == 1 for bias in ordered[:most]):
             yield Paragraph("Of two instruments only the difference is known, not whose bias it is.")
     yield from map(Paragraph, _not_determined(fleet))
-    for suspect in fleet.suspects[:_MOST]:
-        yield Paragraph(_suspect(suspect))
-
-
-def _bias(bias: Bias) -> Row:
-    word = "biased" if len(bias.against) > 1 else "differs"
-    return row_of(
-        clipped(bias.instrument, 24),
-        listed([clipped(name, 24) for name in bias.against], 3),
-        label(bias.offset),
-        f"{numbers.estimate(bias.estimate, bias.std)} ± {numbers.spread(bias.std, bias.unit)}",
-        numbers.interval(bias.interval95, bias.std),
-        numbers.p_value(bias.p_value),
-        Cell(word if bias.alarm else "", mark="weak" if bias.alarm else ""),
-        tone="weak" if bias.alarm else "",
-    )
+    yield from (Paragraph(_suspect(suspect)) for suspect in fleet.suspects[:_MOST])
 
 
 def _not_determined(fleet: FleetDrift) -> Iterator[str]:

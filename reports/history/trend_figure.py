@@ -4,91 +4,56 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
-from typing import NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from ...analysis.drift.drift import Drift
-from ...analysis.drift.forecast import Band, bands
+from ...analysis.drift.forecast import bands
+from ...analysis.status import Status
 from ...experiments.history.arm_drift import YEAR, ArmDrift
 from ...experiments.history.stored_result import Event
 from ...model.arrays import NORMAL_95, Matrix
 from ...words import numbers
 from ...words.wording import WEAK, clipped, counted, label, listed
-from ..style.canvas import Picture, hatched, new_figure, style, to_svg
+from ..studies.study_figures import Curve, CurvePanel, Entries, Look, Scale, curves_picture
+from ..style.canvas import Picture
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
 from .history_tables import day, without_jump
 
 AT_ONCE = 6  # panels of a figure
-_PANEL, _STRIP = 1.18, 0.36  # inches
-_HIGHEST = 5.2  # inches of all panels: the page says what to do above them
+_PANEL, _HIGHEST = 1.18, 5.2  # inches of a panel, and of all: the page says what to do above them
 _WIDEST = 20  # an interval so many times as wide as the median one does not set the scale
-_LABEL_ROWS = 3
+_LABEL_ROWS, _LABEL_POINTS = 3, 390.0  # above the first panel; the width of a panel
 _LETTER = 4.6  # points, of a label
 _LEAST_SPAN = timedelta(days=60)
-
-
-class _TrendPoint(NamedTuple):
-    """Estimate and half width of the 95 % interval at a time (days), and the status of the offset there."""
-
-    at: float
-    value: float
-    half: float
-    status: str
+_NOT_COUNTED = Look(role="unvalidated", shape=SHAPES["unvalidated"], filled=False, stroke="", size=4.5)
 
 
 def trend_pictures(arm: ArmDrift, events: Sequence[Event], never: Sequence[str]) -> Iterator[Picture]:
     """A panel for each offset, six in a figure: `never` are those that no result determines, which have a
-    strip that says so. No figure without a drift."""
+    gap that says so. No figure without a drift."""
     if arm.drift is None:
         return
     names = sorted([*arm.drift.series.names, *never], key=lambda name: (len(name), name))
     parts = [names[at : at + AT_ONCE] for at in range(0, len(names), AT_ONCE)]
-    for number, part in enumerate(parts, 1):
-        name = "trend" if len(parts) == 1 else f"trend-{number}"
-        with style():
-            svg = to_svg(_drawn(arm, arm.drift, events, part), name)
-        title = "Offsets over time" + (f", {number} of {len(parts)}" if len(parts) > 1 else "")
-        yield Picture(name, title, _alt(arm, arm.drift, part), svg)
-
-
-def _drawn(arm: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence[str]) -> Figure:
-    known = [name in drift.series.names for name in names]
-    panel = min(_PANEL, _HIGHEST / len(names))
-    heights = [panel if flag else _STRIP for flag in known]
-    figure = new_figure(sum(heights) + 1.0)
-    panels = figure.subplots(
-        len(names), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
-    )[:, 0]
     begin, end = _range(arm)
     events = [event for event in events if begin <= event.at <= end]
-    for axes, name, is_known in zip(panels, names, known, strict=True):
-        if is_known:
-            _panel(axes, arm, drift, name, (end - arm.used[-1].measured_at) / YEAR)
-        else:
-            axes.set_ylim(-0.5, 0.5)
-            axes.set_yticks([])
-            hatched(axes, 0, in_font(f"{label(name)}: no result determines it"), half=0.5)
-        for event in events:
-            line = "--" if event.what == "mastering" else ":"
-            axes.axvline(_day(event.at), color=light("muted"), linewidth=1, linestyle=line)
-        if arm.due is not None:
-            axes.axvline(_day(arm.due), color=light("misfit"), linewidth=1.2, linestyle="--")
-    panels[0].set_xlim(_day(begin), _day(end))
-    locator = AutoDateLocator(minticks=3, maxticks=7)  # type: ignore[no-untyped-call]
-    panels[-1].xaxis.set_major_locator(locator)
-    dates = ConciseDateFormatter(locator, show_offset=False)  # type: ignore[no-untyped-call]
-    panels[-1].xaxis.set_major_formatter(dates)
-    panels[-1].set_xlabel("date")
-    _name_lines(panels[0], arm, events, begin, end)
-    _legend(figure, arm)
-    return figure
+    for number, part in enumerate(parts, 1):
+        yield curves_picture(
+            "trend" if len(parts) == 1 else f"trend-{number}",
+            "Offsets over time" + (f", {number} of {len(parts)}" if len(parts) > 1 else ""),
+            _alt(arm, arm.drift, part),
+            [offset_panel(arm, arm.drift, events, name, named=name == part[0]) for name in part],
+            _dates(begin, end),
+            panel_height=min(_PANEL, _HIGHEST / len(part)),
+            across=f"{begin:%Y-%m-%d} to {end:%Y-%m-%d}",
+            legend=_legend(arm),
+        )
 
 
 def _range(arm: ArmDrift) -> tuple[datetime, datetime]:
@@ -118,174 +83,152 @@ def _day(when: datetime) -> float:
     return (when - datetime(1970, 1, 1)) / timedelta(days=1)
 
 
-def _panel(axes: Axes, arm: ArmDrift, drift: Drift, name: str, ahead_years: float) -> None:
+def _dates(begin: datetime, end: datetime) -> Scale:
+    """The axis of time, with few ticks."""
+    locator: Any = AutoDateLocator(minticks=2, maxticks=4)  # type: ignore[no-untyped-call]
+    words: Any = ConciseDateFormatter(locator, show_offset=False)  # type: ignore[no-untyped-call]
+    ends = _day(begin), _day(end)
+    ticks = [float(tick) for tick in locator.tick_values(begin, end) if ends[0] <= tick <= ends[1]]
+    return Scale(ends=ends, ticks=ticks, names=words.format_ticks(ticks))
+
+
+def offset_panel(
+    arm: ArmDrift, drift: Drift, events: Sequence[Event], name: str, *, named: bool = False
+) -> CurvePanel:
+    """The panel of an offset; where it is the first one its lines are `named`."""
+    more = partial(_draw_lines, arm=arm, events=events, name=name, named=named)
+    begin, end = _range(arm)
+    if name not in drift.series.names:
+        gap = (_day(begin), _day(end), "no result determines it")
+        return CurvePanel([], Scale(ends=(0, 1), ticks=(2,)), up=label(name), gaps=[gap], more=more)
     j = drift.series.names.index(name)
-    origin = _day(arm.used[0].measured_at)
-    days = np.array([_day(result.measured_at) for result in arm.used])
-    drawn = list(bands(drift, name, max(ahead_years, 0.0)))
-    points = _points_of(arm, drift, name)
-    role = "assumed" if any(point.status == "assumed" for point in points) else "identified"
-    for band in drawn:
-        _shade(axes, band, origin, days, role)
-    crowded = len(arm.used) > 60
-    for status in sorted({point.status for point in points}):
-        at, values, halves = np.array([point[:3] for point in points if point.status == status]).T
-        colour = light(status)
-        axes.vlines(at, values - halves, values + halves, color=colour, linewidth=0.7 if crowded else 1.2)
-        axes.plot(at, values, SHAPES[status], color=colour, markersize=2 if crowded else 3.8)
+    points, by_all = _points(arm, drift, name), _bands(arm, drift, name, end)
+    unit = drift.series.units[j]
+    return CurvePanel(
+        [*by_all, *points],
+        Scale(ends=_ends(points, by_all)),
+        up=f"{label(name)}, {'°' if unit == 'deg' else unit}",
+        line=0.0,
+        gaps=list(_gaps(arm, drift, j)),
+        more=more,
+    )
+
+
+def _points(arm: ArmDrift, drift: Drift, name: str) -> list[Curve]:
+    """What each result alone says of an offset, by its status there: of one that does not determine it
+    nothing."""
+    size = 2.0 if len(arm.used) > 60 else 3.8
+    by_status: dict[Status, list[tuple[float, float, float]]] = {}
+    for result, observation in zip(arm.used, drift.series.observations, strict=True):
+        if name in observation.names:
+            at = observation.names.index(name)
+            half = NORMAL_95 * float(np.sqrt(observation.covariance[at, at] + observation.shared[at, at]))
+            status = next(row.status for row in result.offsets if row.name == name)
+            point = _day(result.measured_at), float(observation.values[at]), half
+            by_status.setdefault(status, []).append(point)
+    curves = []
+    for status, of in sorted(by_status.items()):
+        days, values, halves = np.array(of).T
+        look = Look(role=status, shape=SHAPES[status], stroke="", size=size)
+        words = WEAK if status == "weak" else "a result alone" if status == "identified" else status
+        ends = (values - halves).tolist(), (values + halves).tolist()
+        curves.append(Curve(days.tolist(), values.tolist(), words, look, *ends))
+    return curves
+
+
+def _bands(arm: ArmDrift, drift: Drift, name: str, end: datetime) -> list[Curve]:
+    """What all results say together, and the forecast."""
+    origin, last = _day(arm.used[0].measured_at), _day(arm.used[-1].measured_at)
+    assumed = any(row.name == name and row.status == "assumed" for one in arm.used for row in one.offsets)
+    curves = []
+    for band in bands(drift, name, max((end - arm.used[-1].measured_at) / YEAR, 0.0)):
+        at, low, high = origin + band.at * (YEAR / timedelta(days=1)), band.low, band.high
+        if len(at) == 1:  # one result alone: as wide as can be seen
+            width = max(last - origin, 60.0) / 150
+            at, low, high = np.array([at[0] - width, at[0] + width]), np.repeat(low, 2), np.repeat(high, 2)
+        role = "muted" if band.forecast else "assumed" if assumed else "identified"
+        look, ends = Look(role=role, shape="", stroke=""), (low.tolist(), high.tolist())
+        curves.append(Curve(at.tolist(), ends[0], "", look, *ends, band=True))
+    return curves
+
+
+def _gaps(arm: ArmDrift, drift: Drift, j: int) -> Iterator[tuple[float, float, str]]:
+    """Where nothing is known of an offset: from new zeros on that no result determines."""
+    days = [_day(result.measured_at) for result in arm.used]
+    begins = [0, *(t + 1 for t in drift.series.reset)]
+    for begin, after in zip(begins, [*begins[1:], None], strict=True):
+        if not drift.series.determined[begin, j]:
+            end = _day(_range(arm)[1]) if after is None else days[after - 1]
+            yield days[begin], max(end, days[begin] + 1), "not determined"
+
+
+def _ends(points: Sequence[Curve], by_all: Sequence[Curve]) -> tuple[float, float]:
+    """By the bands and by what is narrow enough to be compared: an interval that is far wider than most
+    results and than most of the bands runs out of the panel."""
+    usual = float(np.median(np.concatenate([_half(one) for one in points])))
+    most = _WIDEST * max([usual, *(float(np.median(_half(one))) for one in by_all)])
+    limits = [(one, _WIDEST * usual) for one in points] + [(one, most) for one in by_all]
+    low = [np.asarray(one.low)[_half(one) <= widest] for one, widest in limits]
+    high = [np.asarray(one.high)[_half(one) <= widest] for one, widest in limits]
+    least, greatest = float(np.concatenate(low).min()), float(np.concatenate(high).max())
+    edge = 0.06 * (greatest - least)
+    return least - edge, greatest + edge
+
+
+def _half(one: Curve) -> Matrix:
+    return np.asarray(np.subtract(one.high or (), one.low or ()) / 2, float)
+
+
+def _draw_lines(axes: Axes, *, arm: ArmDrift, events: Sequence[Event], name: str, named: bool) -> None:
+    """Jumps, events, the due date, and the results that do not count."""
     for jump in arm.jumps:
         if jump.offset == name:
             axes.axvspan(_day(jump.after), _day(jump.before), color=light("weak"), alpha=0.25, linewidth=0)
-    begins = [0, *(t + 1 for t in drift.series.reset)]
-    for begin, end in zip(begins, [*(begin - 1 for begin in begins[1:]), len(days) - 1], strict=True):
-        if not drift.series.determined[begin, j]:
-            right = days[end] if end < len(days) - 1 else days[end] + 1e5
-            axes.axvspan(
-                days[begin], right, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0
-            )
-    for left in arm.left_out:
-        axes.plot(
-            _day(left.result.measured_at),
-            0.0,
-            SHAPES["unvalidated"],
-            color=light("unvalidated"),
-            markersize=4.5,
-            fillstyle="none",
-            clip_on=False,
-            transform=axes.get_xaxis_transform(),
-        )
-    _scale(axes, points, drawn)
-    axes.set_ylabel(
-        in_font(f"{label(name)}, {'°' if drift.series.units[j] == 'deg' else drift.series.units[j]}"),
-        color=light("muted"),
-    )
-    axes.locator_params(axis="y", nbins=5)
-    axes.axhline(0, color=light("line"), linewidth=0.8, zorder=0.5)
-
-
-def _points_of(arm: ArmDrift, drift: Drift, name: str) -> list[_TrendPoint]:
-    """What each result alone says of an offset: of one that does not determine it nothing."""
-    points = []
-    for result, observation in zip(arm.used, drift.series.observations, strict=True):
-        if name not in observation.names:
-            continue
-        at = observation.names.index(name)
-        half = NORMAL_95 * float(np.sqrt(observation.covariance[at, at] + observation.shared[at, at]))
-        status = next(row.status for row in result.offsets if row.name == name)
-        points.append(_TrendPoint(_day(result.measured_at), float(observation.values[at]), half, status))
-    return points
-
-
-def _shade(axes: Axes, band: Band, origin: float, days: Matrix, role: str) -> None:
-    at = origin + band.at * (YEAR / timedelta(days=1))
-    low, high = band.low, band.high
-    if len(at) == 1:  # one result alone: as wide as can be seen
-        width = max(float(days[-1] - days[0]), 60.0) / 150
-        at, low, high = np.array([at[0] - width, at[0] + width]), np.repeat(low, 2), np.repeat(high, 2)
-    axes.fill_between(at, low, high, color=light(role), alpha=0.13 if band.forecast else 0.28, linewidth=0)
-
-
-def _scale(axes: Axes, points: Sequence[_TrendPoint], drawn: Sequence[Band]) -> None:
-    """By the bands and by what is narrow enough to be compared: an interval that is far wider than most
-    results and than most of the bands runs out of the panel."""
-    usual = float(np.median([point.half for point in points]))
-    values, halves = np.array(
-        [(point.value, point.half) for point in points if point.half <= _WIDEST * usual]
-    ).T
-    low, high = [values - halves], [values + halves]
-    widths = [(band.high - band.low) / 2 for band in drawn]
-    most = _WIDEST * max([usual, *(float(np.median(half)) for half in widths)])
-    for band, half in zip(drawn, widths, strict=True):
-        narrow = half <= most
-        low.append(band.low[narrow])
-        high.append(band.high[narrow])
-    least, greatest = float(np.concatenate(low).min()), float(np.concatenate(high).max())
-    edge = 0.06 * (greatest - least)
-    axes.set_ylim(least - edge, greatest + edge)
-
-
-def _name_lines(axes: Axes, arm: ArmDrift, events: Sequence[Event], begin: datetime, end: datetime) -> None:
-    """Labels above the first panel, in rows where they would meet; the table of events has the others."""
-    wide = 390 / ((end - begin) / YEAR)  # points a year
-    named = [(event.at, _event_name(event), "muted") for event in events]
-    if arm.due is not None and arm.due <= end:
-        named.insert(0, (arm.due, f"due {arm.due:%Y-%m-%d}", "misfit"))
+    if left := [_day(one.result.measured_at) for one in arm.left_out]:
+        below: Any = {"clip_on": False, "transform": axes.get_xaxis_transform(), **_NOT_COUNTED.line}
+        axes.plot(left, [0.0] * len(left), **below)
+    lines = [
+        (event.at, _event_name(event), "muted", "--" if event.what == "mastering" else ":")
+        for event in events
+    ]
+    if arm.due is not None:
+        lines.insert(0, (arm.due, f"due {arm.due:%Y-%m-%d}", "misfit", "--"))
     taken: list[list[tuple[float, float]]] = [[] for _ in range(_LABEL_ROWS)]
-    for when, text, role in named:
-        middle = (when - begin) / YEAR * wide
-        half = len(text) * _LETTER / 2
-        middle = min(max(middle, half), 390 - half)
-        for number, row in enumerate(taken):
-            if all(middle + half < low or high < middle - half for low, high in row):
-                row.append((middle - half, middle + half))
-                axes.annotate(
-                    text,
-                    (middle / 390, 1),
-                    (0, 3 + 11 * number),
-                    xycoords="axes fraction",
-                    textcoords="offset points",
-                    ha="center",
-                    va="bottom",
-                    fontsize=8.5,
-                    color=light(role),
-                )
-                break
-    if arm.due is not None and arm.due > end:
-        axes.annotate(
-            in_font(f"due {arm.due:%Y-%m-%d} →"),
-            (1, 1),
-            (0, 3),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            ha="right",
-            va="bottom",
-            fontsize=8.5,
-            color=light("misfit"),
+    begin, end = axes.get_xlim()
+    for when, words, role, stroke in lines:
+        share = (_day(when) - begin) / (end - begin)
+        if share <= 1:
+            axes.axvline(_day(when), color=light(role), linewidth=1.1, linestyle=stroke)
+        else:
+            words = f"{words} →"
+        half = len(words) * _LETTER / 2 / _LABEL_POINTS
+        middle = min(max(share, half), 1 - half)
+        # In the first row where it meets no other; the table of events has those for which there is none.
+        free = (
+            number
+            for number, row in enumerate(taken)
+            if all(middle + half < low or high < middle - half for low, high in row)
         )
+        if named and (number := next(free, None)) is not None:
+            taken[number].append((middle - half, middle + half))
+            above: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "fontsize": 8.5}
+            at: Any = {"ha": "center", "va": "bottom", "color": light(role)}
+            axes.annotate(words, (middle, 1), (0, 3 + 11 * number), **above, **at)
 
 
 def _event_name(event: Event) -> str:
     return in_font(clipped(event.note, 18)) if event.what == "other" and event.note else event.what
 
 
-def _legend(figure: Figure, arm: ArmDrift) -> None:
-    blue = light("identified")
-    keys = [
-        Line2D([], [], color=blue, marker="o", markersize=3.8, linewidth=1.2, label="a result alone"),
-        Patch(color=blue, alpha=0.28, linewidth=0, label="by all results"),
-        Patch(color=blue, alpha=0.13, linewidth=0, label="forecast"),
-    ]
-    if any(row.status == "weak" for result in arm.used for row in result.offsets):
-        keys.insert(
-            1,
-            Line2D(
-                [],
-                [],
-                color=light("weak"),
-                marker=SHAPES["weak"],
-                markersize=3.8,
-                linewidth=1.2,
-                label=WEAK,
-            ),
-        )
+def _legend(arm: ArmDrift) -> Entries:
+    """The entries besides the results'."""
+    wide: Any = {"shape": "", "width": 6.0, "alpha": 0.25}
+    keys = [(Look(**wide), "by all results"), (Look(role="muted", **wide), "forecast")]
     if arm.jumps:
-        keys.append(Patch(color=light("weak"), alpha=0.25, linewidth=0, label="jump"))
+        keys.append((Look(role="weak", **wide), "jump"))
     if arm.left_out:
-        keys.append(
-            Line2D(
-                [],
-                [],
-                color=light("unvalidated"),
-                marker=SHAPES["unvalidated"],
-                fillstyle="none",
-                markersize=4.5,
-                linewidth=0,
-                label="not counted",
-            )
-        )
-    figure.legend(
-        handles=keys, loc="outside lower center", ncols=3 if len(keys) > 5 else len(keys), handlelength=1.4
-    )
+        keys.append((_NOT_COUNTED, "not counted"))
+    return keys
 
 
 def _alt(arm: ArmDrift, drift: Drift, names: Sequence[str]) -> str:

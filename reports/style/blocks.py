@@ -5,9 +5,9 @@ HTML templates read the attributes; for typst `pdf` writes them as JSON, a block
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 from ...analysis.answer.answer_message import Message
 from ...words.numbers import NO_BREAK
@@ -24,6 +24,10 @@ class Cell:
     span: int = 1
     mark: str = ""
     link: str = ""
+
+
+Thing = TypeVar("Thing")
+Columns = Mapping[str, Callable[[Thing], str | Cell]]  # of a table, by their heads
 
 
 @dataclass(frozen=True)
@@ -272,6 +276,23 @@ def table_of(caption: str, heads: Sequence[str], rows: Iterable[Row], aligned: s
     sides = {"l": "left", "r": "right"}
     columns = [Column(head, sides[letter]) for head, letter in zip(heads, letters, strict=False)]
     return Table(caption, tuple(columns), tuple(rows))
+
+
+def table_by(
+    caption: str,
+    things: Iterable[Thing],
+    columns: Columns[Thing],
+    aligned: str = "lr",
+    tone: Callable[[Thing], str] = lambda thing: "",
+) -> Table:
+    """A row for each of the things: what each of the `columns`, by its head, says of it. A column that says
+    nothing of any is left out; `aligned` has a letter for it all the same."""
+    rows = [(row_of(*(says(thing) for says in columns.values())).cells, tone(thing)) for thing in things]
+    letters = aligned.ljust(len(columns), aligned[-1])
+    kept = [k for k in range(len(columns)) if not rows or any(cells[k].text for cells, _ in rows)]
+    heads = list(columns)
+    shown = [Row(tuple(cells[k] for k in kept), colour) for cells, colour in rows]
+    return table_of(caption, [heads[k] for k in kept], shown, "".join(letters[k] for k in kept) or "l")
 
 
 def row_of(*cells: str | Cell, tone: str = "") -> Row:

@@ -43,6 +43,14 @@ SHAPES: dict[str, str] = {
     "unvalidated": "^",
 }
 
+# The shape and colour of a verdict in lists.
+VERDICT_MARKS: dict[str, str] = {
+    "misfit": "unvalidated",
+    "degenerate": "unidentifiable",
+    "weak": "weak",
+    "pass": "identified",
+}
+
 
 def css_variables(theme: str) -> str:
     """The palette as CSS custom properties, `theme` light or dark: `--ink: #1b2126; …`."""

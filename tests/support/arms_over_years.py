@@ -16,8 +16,8 @@ from histories import a_result, write_result
 from zerobeam.analysis.answer.answer_message import Action, Message
 from zerobeam.analysis.covariance import OffsetsWithoutPrior
 from zerobeam.experiments.history.arm_drift import arm_drift
+from zerobeam.experiments.history.arm_history import ArmHistory
 from zerobeam.experiments.history.stored_result import Event, StoredResult, read_entry
-from zerobeam.reports.history.arm_page import ArmHistory
 
 FIRST = datetime(2023, 1, 15)
 LOST = "delta3"
@@ -111,7 +111,7 @@ def arm_history(
         Message("Pass", None, None, Action("", None), (), grade="pass"),
     )
     judged = tuple(passed if one.verdict == "pass" else None for one in results)
-    return ArmHistory(drift, tuple(results), judged, tuple(events), when)
+    return ArmHistory(arm=drift, results=tuple(results), judged=judged, events=tuple(events), asked=when)
 
 
 def happened(what: Any, when: datetime, note: str = "", serial: str = "A-1") -> Event:

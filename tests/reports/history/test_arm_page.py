@@ -13,17 +13,16 @@ import numpy as np
 import pytest
 from arms_over_years import FIRST, LOST, arm_history, happened, over_years
 from chromium import PAPER, PHONE, Size, chromium
-from matplotlib.collections import PolyCollection
 from matplotlib.dates import date2num
 from pages import Page, assert_fetches_nothing
 
-from zerobeam.model.records import to_json
-from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline
+from zerobeam.experiments.history.arm_history import ArmHistory
+from zerobeam.reports.history.arm_page import arm_page, headline
 from zerobeam.reports.history.history_folder import arm_document, safe_name, write_arm, write_fleet
-from zerobeam.reports.history.trend_figure import _drawn, trend_pictures
+from zerobeam.reports.history.trend_figure import offset_panel, trend_pictures
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
-from zerobeam.reports.style.canvas import Picture, style
+from zerobeam.reports.style.canvas import Picture
 from zerobeam.reports.style.palette import light
 
 LABEL = "J3 (δ3)"
@@ -31,7 +30,7 @@ LABEL = "J3 (δ3)"
 
 @cache
 def pictures(own: ArmHistory) -> dict[str, Picture]:
-    return {one.name: one for one in trend_pictures(own.arm, own.events, own.never)}
+    return {one.name: one for one in trend_pictures(own.arm, own.events, own.undetermined)}
 
 
 def shown(own: ArmHistory, *, drawn: bool = False) -> Page:
@@ -104,24 +103,24 @@ def test_no_band_is_cut_off(lost: tuple[int, ...]) -> None:
     ]
     own = arm_history(results)
     assert own.arm.drift is not None
-    with style():
-        figure = _drawn(own.arm, own.arm.drift, (), own.arm.drift.series.names)
     last = date2num(results[-1].measured_at)
-    for axes in figure.axes:
-        (begin, end), (low, high) = axes.get_xlim(), axes.get_ylim()
-        assert end - last > 0.18 * (last - begin)
-        bands = [one.get_paths()[0].vertices for one in axes.collections if isinstance(one, PolyCollection)]
-        assert bands
-        for band in bands:
-            assert low < band[:, 1].min()
-            assert band[:, 1].max() < high
+    for name in own.arm.drift.series.names:
+        panel = offset_panel(own.arm, own.arm.drift, (), name)
+        drawn = [one for one in panel.curves if one.band]
+        (low, high), ends = panel.y.ends, [one.xs[-1] for one in drawn]
+        first = date2num(results[0].measured_at)
+        assert max(ends) - last > 0.18 * (last - first)
+        assert drawn
+        for band in drawn:
+            assert low < min(band.low)
+            assert max(band.high) < high
 
 
 @pytest.mark.long
 def test_an_offset_that_no_result_determines_is_named_and_never_drawn_as_known() -> None:
     own = arm_history(over_years(4, lost=range(4)))
-    assert own.never == (LOST,)
-    assert own.state.state == "no due date"
+    assert own.undetermined == (LOST,)
+    assert own.state == "no due date"
     said = headline(own)
     assert said.word == "No due date"
     assert LABEL in said.sentence
@@ -139,7 +138,7 @@ def test_after_a_mastering_nothing_is_known_of_what_no_result_determines_since()
     results = over_years(8, lost=(5, 6, 7))
     mastering = happened("mastering", results[4].measured_at + timedelta(days=5))
     own = arm_history(results, [mastering])
-    assert own.state.state == "no due date"
+    assert own.state == "no due date"
     assert f"no result since the last mastering determines {LABEL}" in headline(own).sentence
     page = shown(own, drawn=True)
     (row,) = [row for row in page.rows if row[0] == LABEL]
@@ -153,11 +152,11 @@ def test_after_a_mastering_nothing_is_known_of_what_no_result_determines_since()
 def test_a_jump_is_tied_to_what_was_logged_or_asks_what_happened() -> None:
     results = over_years(8, jump=(5, 1, 0.5))
     alone = arm_history(results)
-    assert alone.state.state == "jump without event"
+    assert alone.state == "jump without event"
     assert "no event is logged in between" in headline(alone).sentence
     bump = happened("collision", results[4].measured_at + timedelta(days=3), "table 3")
     told = arm_history(results, [bump])
-    assert told.state.state == "jump"
+    assert told.state == "jump"
     assert f"logged in between: collision of {bump.at:%Y-%m-%d}" in headline(told).sentence
     page = shown(told)
     assert "collision" in page.row(LABEL)[-1]
@@ -170,11 +169,11 @@ def test_a_jump_is_tied_to_what_was_logged_or_asks_what_happened() -> None:
 def test_what_happened_after_the_last_result_makes_a_calibration_due(what: str) -> None:
     results = over_years(4)
     own = arm_history(results, [happened(what, results[-1].measured_at + timedelta(days=2))])
-    assert own.state.state == "overdue"
+    assert own.state == "overdue"
     assert headline(own).word == "Calibrate now"
     assert f"{what} on {results[-1].measured_at + timedelta(days=2):%Y-%m-%d}" in headline(own).sentence
     other = arm_history(results, [happened("other", results[-1].measured_at + timedelta(days=2))])
-    assert other.state.state == "on schedule"
+    assert other.state == "on schedule"
 
 
 def test_overdue_is_said_of_the_day_that_is_asked_about() -> None:
@@ -182,13 +181,13 @@ def test_overdue_is_said_of_the_day_that_is_asked_about() -> None:
     due = arm_history(results).arm.due
     assert due is not None
     late = arm_history(results, as_of=due + timedelta(days=1))
-    assert late.state.state == "overdue"
+    assert late.state == "overdue"
     assert f"Overdue on {due + timedelta(days=1):%Y-%m-%d}." in headline(late).sentence
-    assert arm_history(results, as_of=due - timedelta(days=1)).state.state == "on schedule"
+    assert arm_history(results, as_of=due - timedelta(days=1)).state == "on schedule"
     midnight = datetime.combine(due, time())
     for today in (midnight, midnight + timedelta(hours=23)):
         own = arm_history(results, as_of=today)
-        assert own.state.state == "overdue", "a due date is a day: from its beginning to its end"
+        assert own.state == "overdue", "a due date is a day: from its beginning to its end"
         assert headline(own).word == "Calibrate now"
         assert f"Due on {due:%Y-%m-%d}. " in headline(own).sentence
 
@@ -211,13 +210,13 @@ def test_a_large_change_between_two_results_is_never_no_jump(jump: float, state:
         row = page.row(LABEL)
         assert row[1].endswith(f"{own.results[1].measured_at:%Y-%m-%d}")
         assert row[-1] == "none logged"
-        (change,) = to_json(arm_document(own))["drift"]["undecided"]
+        (change,) = arm_document(own)["drift"]["undecided"]
         assert change["offset"] == LOST
         assert abs(change["size"]) < change["least_jump"]
-        assert own.state.undecided == 1
+        assert own.row.undecided == 1
     else:
-        assert own.state.state == state
-        assert arm_document(own).drift.undecided == []
+        assert own.state == state
+        assert arm_document(own)["drift"]["undecided"] == []
 
 
 def test_two_results_that_agree_say_nothing_of_jumps() -> None:
@@ -233,7 +232,7 @@ def test_an_arm_of_misfits_alone_says_so() -> None:
     said = headline(own)
     assert (said.key, said.word) == ("misfit", "Misfit")
     assert said.sentence.startswith("All 3 results are misfits: the model does not describe")
-    assert own.state.state == "misfit"
+    assert own.state == "misfit"
     assert pictures(own) == {}
     page = shown(own)
     assert [row[1:3] for row in page.rows if row[1:2] == ["Misfit"]] == [["Misfit", "unvalidated"]] * 3
@@ -249,7 +248,7 @@ def test_a_misfit_at_the_end_is_said_first_and_does_not_count() -> None:
 
 def test_one_result_says_nothing_of_drift() -> None:
     own = arm_history(over_years(1))
-    assert own.state.state == "no due date"
+    assert own.state == "no due date"
     assert headline(own).sentence.startswith("One result counts: a drift needs two. ")
     assert pictures(own) == {}
     assert "Offsets over time" not in shown(own).words
@@ -258,7 +257,7 @@ def test_one_result_says_nothing_of_drift() -> None:
 def test_an_arm_with_events_alone_has_a_page() -> None:
     own = arm_history((), [happened("collision", FIRST)])
     assert headline(own).word == "No results"
-    assert own.state.state == "no due date"
+    assert own.state == "no due date"
     assert "collision" in shown(own).words
 
 
@@ -325,7 +324,7 @@ def test_the_pages_fit_every_screen_and_everybody_can_read_them(tmp_path: Path, 
     found = write_fleet(
         tmp_path / "out", list(given), given.__getitem__, 0.5, datetime(2031, 1, 1), lambda stage, share: None
     )
-    for file in ("fleet.html", *found.pages.values()):
+    for file in ("fleet.html", *(row.page for row in found.arms)):
         with chromium().opened(tmp_path / "out" / file, size) as tab:
             assert tab.overflow() == 0
             assert tab.accessibility() == []

@@ -15,14 +15,12 @@ from pages import Page
 
 from zerobeam.analysis.answer.answer_message import Action, May, Message
 from zerobeam.experiments.history.arm_drift import NOT_SOON, Due
-from zerobeam.experiments.history.documents import STATES, ArmState, State
-from zerobeam.experiments.history.fleet_drift import fleet_drift
+from zerobeam.experiments.history.arm_history import STATES, ArmHistory, ArmState, State
+from zerobeam.experiments.history.fleet_drift import Fleet, fleet_drift
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history import history_folder
-from zerobeam.reports.history.arm_page import ArmHistory
 from zerobeam.reports.history.fleet_page import (
     MOST_ROWS,
-    Fleet,
     due_bars,
     due_counts,
     fleet_page,
@@ -49,13 +47,17 @@ def row(serial: str, state: State = "on schedule", due: datetime | None = None, 
         verdict="pass",
         judged=PASSED,
         jumps=0,
-        clearest=None,
         next_due=Due(0.5, due, reason),
     )
 
 
 def fleet(*rows: ArmState) -> Fleet:
-    return Fleet(tuple(sorted(rows, key=lambda own: own.order)), {}, 0.5, AS_OF, fleet_drift([]))
+    arms = tuple(sorted(rows, key=lambda own: own.order))
+    return Fleet(tolerance_mm=0.5, drift=fleet_drift([]), arms=arms, asked=AS_OF)
+
+
+def pages(found: Fleet) -> dict[Arm, str]:
+    return {(own.serial, own.model): own.page for own in found.arms if own.page is not None}
 
 
 def plant(given: dict[str, ArmHistory]) -> tuple[list[Arm], Callable[[Arm], ArmHistory]]:
@@ -79,9 +81,9 @@ def test_the_gravest_come_first() -> None:
         row("now", "overdue", due=AS_OF),
     )
     page = Page(html(fleet_page(own), {}, "study"))
-    names = [one[0] for one in page.rows if len(one) == 8][1:]
+    names = [one[0] for one in page.rows if len(one) == 6][1:]
     assert names == ["now", "unknown", "known", "bad", "none", "sooner", "fine"]
-    assert list(own.counts) == list(STATES)
+    assert list(own.states) == list(STATES)
     assert headline(own).word == "Calibrate now"
     assert "1 overdue, 1 jump without event, 1 jump, 1 misfit, 1 no due date, 2 on schedule" in page.words
     assert page.row("fewer than two results count")[1:] == ["2", "bad and none"]
@@ -107,13 +109,13 @@ def test_every_arm_leads_to_its_page(tmp_path: Path) -> None:
     assert len(links) == 3
     for link in links:
         assert (out / link).is_file()
-    assert set(links) == set(found.pages.values())
+    assert set(links) == set(pages(found).values())
     assert not page.scripts
     rows = list(csv.DictReader((out / "fleet.csv").read_text(encoding="utf-8").splitlines()))
     answer = json.loads((out / "fleet.json").read_text(encoding="utf-8"))
     assert [one["serial"] for one in rows] == [one["serial"] for one in answer["arms"]]
     assert {one["page"] for one in answer["arms"]} == set(links)
-    assert written(out, given).rows == found.rows  # over its own
+    assert written(out, given).arms == found.arms  # over its own
 
 
 @pytest.mark.long
@@ -145,7 +147,7 @@ def test_what_is_not_ours_in_the_folder_of_the_arms_is_kept(tmp_path: Path) -> N
     out = tmp_path / "out"
     given = {"A-1": arm_history(over_years(1))}
     found = written(out, given)
-    (page,) = found.pages.values()
+    (page,) = pages(found).values()
     for name in ("arms/mine.txt", str(Path(page).parent / "mine.txt")):
         (out / name).write_text("keep")
         with pytest.raises(BadInput, match=r"mine\.txt|other things"):
@@ -163,15 +165,15 @@ def test_of_more_than_a_thousand_the_gravest_have_a_page(
     given["A-3"] = arm_history(over_years(2, serial="A-3", misfits=(0, 1)))
     found = written(tmp_path / "out", given)
     assert len(list((tmp_path / "out" / "arms").iterdir())) == 2
-    assert [one.serial for one in found.rows] == ["A-3", "A-0", "A-1", "A-2"]
-    assert set(found.pages) == {("A-3", "irb1600"), ("A-0", "irb1600")}
+    assert [one.serial for one in found.arms] == ["A-3", "A-0", "A-1", "A-2"]
+    assert set(pages(found)) == {("A-3", "irb1600"), ("A-0", "irb1600")}
     assert len(json.loads((tmp_path / "out" / "fleet.json").read_text())["arms"]) == 4
 
 
 def test_the_page_is_bounded() -> None:
     own = fleet(*(row(f"A-{n}", "no due date", reason=f"reason {n}") for n in range(MOST_ROWS + 5)))
     page = Page(html(fleet_page(own), {}, "study"))
-    assert len([one for one in page.rows if len(one) == 8]) == MOST_ROWS + 1
+    assert len([one for one in page.rows if len(one) == 6]) == MOST_ROWS + 1
     assert "The first 1,000 of 1,005: fleet.csv and fleet.json have all" in page.words
     assert len([one for one in page.rows if one[0].startswith("reason")]) == 50
 
@@ -206,7 +208,7 @@ def test_due_dates_are_counted_by_month() -> None:
 def test_several_processes_write_the_same_pages_as_one(tmp_path: Path) -> None:
     given = {f"A-{n}": arm_history(over_years(3, serial=f"A-{n}", walk=0.01)) for n in range(9)}
     found = written(tmp_path / "all", given)
-    for (serial, _), page in found.pages.items():
+    for (serial, _), page in pages(found).items():
         alone = tmp_path / "alone" / serial
         write_arm(alone, given[serial])
         for path in sorted(alone.rglob("*.*")):
