@@ -10,13 +10,13 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from ..analysis.answer.answer_message import Action, Message
+from ..analysis.answer.answer_message import Action, May, Message
 from ..analysis.answer.findings import prediction_failed
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.values_to_enter import Entered
 from ..analysis.observability.check import Check
 from ..analysis.solution import Solution
-from ..analysis.status import Verdict
+from ..analysis.status import Verdict, known
 from ..model.files.header import Header
 from ..model.files.run import in_no_file
 from ..model.instruments.flange_tool import FlangeTool
@@ -152,10 +152,12 @@ _ENTER_NOTHING = re.compile(
 
 
 def read_message(result: Result) -> Message:
-    """Of a result.json: the message that it states; of an earlier version with its grade."""
+    """Of a result.json: the message that it states; of an earlier version with its grade. Nothing may be done
+    with a misfit, nor with what determines no offset, whatever the message says."""
     content = result.message
     if content is not None and content.grade is not None:
-        return content
+        determined = result.likelihood.converged and any(known(row.status) for row in result.offsets)
+        return content if determined and result.verdict != "misfit" else replace(content, may=May())
     case = RunCase.of_result(result)
     if content is not None and _ENTER_NOTHING.match(content.action.text):
         case = replace(case, findings=(*case.findings, SaidToEnterNothing()))

@@ -9,7 +9,6 @@ from datetime import date
 from typing import Annotated, Any, Final, Literal
 
 from ...analysis.acceptance.acceptance import MeasuredError
-from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.diagnostics.values_to_enter import TcpError
@@ -41,38 +40,11 @@ _DIGITS = 16  # hexadecimal, of an identification
 
 
 @record
-class Coverage:
-    """Of the expanded uncertainties."""
-
-    k: float
-    probability: float = 0.95
-
-
-@record
 class TracedInstrument:
     """What the provenance states of an instrument."""
 
     name: str
     text: str | None
-
-
-@record
-class CertificateForm:
-    """What the run's provenance states of laboratory, customer, conditions and instruments; null where it
-    states nothing."""
-
-    certificate_number: str | None
-    laboratory: str | None
-    laboratory_address: str | None
-    customer: str | None
-    customer_address: str | None
-    place: str | None
-    temperature: str | None
-    payload: str | None
-    warm_up: str | None
-    traceability: str | None
-    authorised_by: str | None
-    instruments: tuple[TracedInstrument, ...]
 
 
 @record(repr=False)
@@ -86,13 +58,6 @@ class CertifiedOffset(ParameterRow):
         float | None, it("u incl. geometry tolerances, where the geometry was taken as nominal")
     ]
     reason: Annotated[str | None, it("as in the result")]
-
-
-@record
-class ErrorAtTcp:
-    """The error of the TCP."""
-
-    tcp: Annotated[TcpError | None, it("null where it is not known")]
 
 
 @record
@@ -184,14 +149,6 @@ class Assumed:
         return self.result.inputs.header
 
 
-@record
-class SigningKey:
-    """The key that it is signed by."""
-
-    algorithm: str
-    fingerprint: str
-
-
 @record(needed=("schema", "sha256", "serial", "model", "document_sha256"))
 class CertifiedResult(StoredResult):
     """What a certificate.json has of the row of a history, and the hashes of the `files` beside it."""
@@ -231,21 +188,30 @@ class Certificate(CertifiedResult):
 
     @property
     @key("of the expanded uncertainties")
-    def coverage(self) -> Coverage:
-        return Coverage(self.k)
+    def coverage(self) -> dict[str, float]:
+        return {"k": self.k, "probability": 0.95}
 
     @property
-    @key("what the provenance states")
-    def form(self) -> CertificateForm:
-        entries = {
+    @key("what the provenance states of laboratory, customer, conditions; null where it states nothing")
+    def form(self) -> dict[str, str | tuple[TracedInstrument, ...] | None]:
+        return {**self.entries, "instruments": self.instruments}
+
+    @property
+    def entries(self) -> dict[str, str | None]:
+        """Of the form, without the instruments."""
+        return {
             key: provenance_entry(self._provenance, KEYS[name]) or None
             for key, name in CERTIFICATE_KEYS.items()
         }
-        instruments = tuple(
+
+    @property
+    def instruments(self) -> tuple[TracedInstrument, ...]:
+        """What the provenance states of them."""
+        kinds = self.result.inputs.instruments.values()
+        return tuple(
             TracedInstrument(name, provenance_entry(self._provenance, keys) or None)
-            for name, keys in traced(self.result.inputs.instruments.values())
+            for name, keys in traced(kinds)
         )
-        return CertificateForm(**entries, instruments=instruments)
 
     @property
     @key("names of the unidentifiable offsets")
@@ -262,13 +228,13 @@ class Certificate(CertifiedResult):
 
     @property
     @key("before the calibration")
-    def as_found(self) -> ErrorAtTcp:
-        return ErrorAtTcp(None if self.result.enter is None else self.result.enter.tcp_before)
+    def as_found(self) -> dict[str, TcpError | None]:
+        return {"tcp": None if self.result.enter is None else self.result.enter.tcp_before}
 
     @property
     @key("once the values are entered")
-    def expected(self) -> ErrorAtTcp:
-        return ErrorAtTcp(None if self.result.enter is None else self.result.enter.tcp_after)
+    def expected(self) -> dict[str, TcpError | None]:
+        return {"tcp": None if self.result.enter is None else self.result.enter.tcp_after}
 
     @property
     @key("what was measured with the corrected robot; null where nothing was")
@@ -295,8 +261,8 @@ class Certificate(CertifiedResult):
 
     @property
     @key("that it is signed by", name="key")
-    def signing_key(self) -> SigningKey:
-        return SigningKey(ALGORITHM, self.fingerprint)
+    def signing_key(self) -> dict[str, str]:
+        return {"algorithm": ALGORITHM, "fingerprint": self.fingerprint}
 
     @property
     @key("the version of zerobeam that wrote the certificate")
@@ -320,11 +286,16 @@ def certificate_of(
 ) -> Certificate:
     """The certificate of a result for the key of this fingerprint; `result` is the whole one of the history.
 
-    BadInput for a misfit, for a fit that did not converge, where no offset is determined, and where something
-    else speaks against the result. What the data do not determine has no number.
+    BadInput where its message does not allow it. What the data do not determine has no number.
     """
     message = read_message(result)
-    _require_certifiable(stored, result, message)
+    if not message.may.certify:
+        raise BadInput(
+            "this result is not certified: something speaks against it",
+            found=f"run {stored.run}, SHA-256 {stored.sha256[:12]}…: {message.verdict}",
+            allowed="a result that nothing speaks against",
+            remedy=message.action.text or "find the cause (zerobeam report), or name another result by --run",
+        )
     k = result.coverage_factor or _coverage_factor(result)
     certificate = Certificate(
         **{
@@ -340,35 +311,8 @@ def certificate_of(
         fingerprint=fingerprint,
     )
     # ISO/IEC 17025:2017, 7.8.2.1 d: no other certificate has it, whether a laboratory numbers them or not.
-    number = certificate.form.certificate_number or f"SHA-256 {certificate.digest}"
+    number = certificate.entries["certificate_number"] or f"SHA-256 {certificate.digest}"
     return replace(certificate, identification=number)
-
-
-def _require_certifiable(stored: StoredResult, result: Result, message: Message) -> None:
-    """BadInput where its message does not allow it, or its own rows do not, whatever its message says."""
-    of = f"run {stored.run}, SHA-256 {stored.sha256[:12]}…"
-    if result.verdict == "misfit":
-        raise BadInput(
-            "a misfit is not certified: the model does not describe the measurements",
-            found=of,
-            allowed="a result with the verdict pass, weak or degenerate",
-            remedy="find the cause (zerobeam report), measure again, or name another result by --run",
-        )
-    converged = result.likelihood.converged
-    if not converged or not any(known(row.status) for row in result.offsets):
-        why = "the result determines no offset" if converged else "the fit did not converge"
-        raise BadInput(
-            f"there is nothing to certify: {why}",
-            found=of,
-            remedy="measure more postures (zerobeam check says which), or name another result by --run",
-        )
-    if not message.may.certify:
-        raise BadInput(
-            "this result is not certified: something speaks against it",
-            found=f"{of}: {message.verdict}",
-            allowed="a result that nothing speaks against",
-            remedy=message.action.text or "find the cause (zerobeam report), or name another result by --run",
-        )
 
 
 def _coverage_factor(result: Result) -> float:

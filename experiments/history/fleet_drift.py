@@ -239,13 +239,13 @@ def _model_walks(
 def _arm_walks(arm: ArmDrift, drift: Drift, shrunken: ArmRates, known: Sequence[str]) -> ArmWalks:
     def arm_walk(offset: str, unit: str) -> ArmWalk:
         at = drift.series.names.index(offset)
-        own = Rate(*drift.rate(offset), drift.effective)
+        alone_rate = Rate(*drift.rate(offset), drift.effective)
         if offset not in known:
-            return ArmWalk(offset, unit, own, None, False)
+            return ArmWalk(offset, unit, alone_rate, None, False)
         alone = 1 / _log_variance(drift.rates[:, at], drift.weights)
         both = 1 / _log_variance(shrunken.rates[:, at], shrunken.weights)
         borrowed = both - alone > alone - 1 / SPREAD**2
-        return ArmWalk(offset, unit, own, Rate(*shrunken.rate(offset), shrunken.effective), borrowed)
+        return ArmWalk(offset, unit, alone_rate, Rate(*shrunken.rate(offset), shrunken.effective), borrowed)
 
     walks = tuple(map(arm_walk, drift.series.names, drift.series.units))
     return ArmWalks(arm.serial, arm.model, walks, shrunken.effective)

@@ -198,8 +198,8 @@ def read_entry(
         from ...words.sentences import to_json
 
         run = read_run(path)
-        stated, _ = _origin(run.header.provenance, path, serial, when)
-        if held(run.sha256) == (stated, run.robot.name):
+        number, _ = _origin(run.header.provenance, path, serial, when)
+        if held(run.sha256) == (number, run.robot.name):
             return None
         text = dumps(to_json(analyse(run, seed=seed).result))
     else:
@@ -228,11 +228,11 @@ def _origin(
 ) -> tuple[str, datetime]:
     """The serial number of the arm, and when it was measured; BadInput where either is not stated."""
     plain = by_plain_key(provenance)
-    stated = (
+    entries = (
         (first_entry(plain, KEYS[SERIAL]) or serial, "serial number of the arm", "serial"),
         (first_entry(plain, KEYS[DATE]) or when, "date of the measurements", "when"),
     )
-    for value, what, key in stated:
+    for value, what, key in entries:
         if not value:
             raise BadInput(
                 f"the {what} is not stated",
@@ -240,7 +240,7 @@ def _origin(
                 remedy=f"state provenance.{key} in the header of the run, or add it with --{key}",
                 file=path,
             )
-    (arm, *_), (date, *_) = stated
+    (arm, *_), (date, *_) = entries
     return str(arm), moment(str(date), path)
 
 

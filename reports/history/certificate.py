@@ -7,66 +7,41 @@ the other two files: all are of one result, and none can be exchanged.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import replace
-from datetime import date
+from datetime import UTC, date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from ...analysis.answer.result import Result
-from ...experiments.history.certified import CERTIFICATE_SCHEMA, CertifiedResult, certificate_of
+from ...analysis.acceptance.acceptance import ErrorSize
+from ...analysis.answer.result import LikelihoodSummary, Result
+from ...analysis.diagnostics.values_to_enter import TcpError
+from ...analysis.solution import ParameterResult
+from ...experiments.history.certified import (
+    CERTIFICATE_SCHEMA,
+    Certificate,
+    CertifiedResult,
+    certificate_of,
+)
 from ...experiments.history.database import Database
-from ...experiments.history.signing import fingerprint, sign, signature_file
+from ...experiments.history.signing import ALGORITHM, fingerprint, grouped, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...experiments.history.stored_result import StoredResult
 from ...model.errors import BadInput
 from ...model.records import dumps, it, keys, read, record, to_json
-from ..acceptance.acceptance_page import read_acceptance
-from ..output.whole_folder import FolderContents, Kind, write_answer
-
-if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-
-
-import re
-from collections.abc import Iterable, Iterator, Mapping
-from datetime import UTC
-from typing import Any
-
-from ...analysis.acceptance.acceptance import ErrorSize
-from ...analysis.answer.result import LikelihoodSummary
-from ...analysis.diagnostics.values_to_enter import TcpError
-from ...analysis.estimation.tolerance_factors import Factors
-from ...analysis.observability.geometry_result import LinkTolerances
-from ...analysis.posterior.intervals import Intervals
-from ...experiments.history.certified import (
-    Assumed,
-    AssumedTool,
-    Certificate,
-    CertifiedOffset,
-    Prior,
-    SigningKey,
-)
-from ...experiments.history.signing import grouped
 from ...words import numbers
 from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
 from ...words.entries import VERDICT_WORDS
-from ...words.geometry_words import tolerance_words
+from ...words.geometry_words import factors_sentence, tolerances_words
 from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
 from ...words.region_words import region_words
-from ...words.wording import (
-    NOT_DETERMINED,
-    clipped,
-    counted,
-    ended,
-    label,
-    listed,
-    sentence,
-    shown,
-    status_words,
-)
+from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
+from ..acceptance.acceptance_page import read_acceptance
+from ..output.whole_folder import FolderContents, Kind, write_answer
+from ..run.fit_section import intervals_table
 from ..run.inputs import flat
-from ..run.parameter_section import NO_NUMBER, OFFSETS, legend
+from ..run.parameter_section import NO_NUMBER, legend, offsets_table_of, parameter_table
 from ..style.blocks import (
     Block,
     Cell,
@@ -77,13 +52,14 @@ from ..style.blocks import (
     LegendEntry,
     Page,
     Paragraph,
-    Row,
-    Table,
     Verdict,
     row_of,
     section_of,
-    table_of,
 )
+from .history_tables import with_labels
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 JSON = "certificate.json"
 SIGNED = (JSON, "certificate.html", "certificate.pdf")
@@ -204,20 +180,12 @@ def files_of_certificate(path: Path) -> list[Path]:
     return [path.with_suffix("") if path.suffix == ".sig" else path]
 
 
-_NOT_STATED = "not stated"
-_IF_IT_DEVIATES = "U, incl. geometry tolerances"
+_WITHHELD = "assumed: no value is certified"
 _MEANING = (
     "A valid signature says that the holder of this key signed exactly these bytes. It does not say that the"
     " measurements are right, nor who the holder is: compare the fingerprint with the one that"
     " the signer gives you."
 )
-_GROUPS = {
-    "offset": "offsets",
-    "target": "targets",
-    "tool": "tool",
-    "frame": "frames",
-    "geometry": "link geometry",
-}
 
 
 def certificate_page(certificate: Certificate) -> Page:
@@ -229,7 +197,7 @@ def certificate_page(certificate: Certificate) -> Page:
         Verdict(
             certificate.grade or "held",
             VERDICT_WORDS[certificate.verdict],
-            _named(certificate.result.headline or ""),
+            sentence(with_labels(certificate.result.headline or "")),
         ),
         list(_notes(certificate)),
         [
@@ -237,20 +205,12 @@ def certificate_page(certificate: Certificate) -> Page:
             section_of("Offsets", *_offsets(certificate)),
             section_of("As found and as left", Facts(list(_found_and_left(certificate)))),
             section_of("Method, traceability and decision rule", Facts(list(_statements(certificate)))),
-            section_of(
-                "What the offsets rest on",
-                Facts(list(_assumed(certificate))),
-            ),
+            section_of("What the offsets rest on", *_assumed(certificate)),
             section_of("Fit", Paragraph(_fit(certificate.result.likelihood))),
             section_of("Origin", Facts(_origin(certificate))),
-            section_of("Signature by key", *_signature(certificate.signing_key)),
+            section_of("Signature by key", *_signature(certificate.fingerprint)),
         ],
     )
-
-
-def _named(text: str) -> str:
-    """A sentence of a result, with the offsets' names as people write them."""
-    return sentence(re.sub(r"\bdelta\d+\b", lambda match: label(match.group()), text))
 
 
 def _notes(certificate: Certificate) -> Iterator[str]:
@@ -260,7 +220,7 @@ def _notes(certificate: Certificate) -> Iterator[str]:
         names = listed([label(name) for name in certificate.not_determined])
         yield f"Not determined by these measurements and not certified: {names}."
     for note in certificate.result.notes or ():
-        yield ended(_named(note))
+        yield ended(sentence(with_labels(note)))
 
 
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
@@ -268,10 +228,9 @@ def _notes(certificate: Certificate) -> Iterator[str]:
 
 def _identified(certificate: Certificate) -> Iterator[tuple[str, str]]:
     """What ISO/IEC 17025:2017, 7.8.2 asks for, two in a row; "" where nobody has stated it."""
-    form = certificate.form
 
     def entry(key: str) -> tuple[str, str]:
-        return CERTIFICATE_KEYS[key], getattr(form, key) or ""
+        return CERTIFICATE_KEYS[key], certificate.entries[key] or ""
 
     robot = ", ".join(shown(text) for text in (certificate.model, certificate.vendor) if text)
     yield CERTIFICATE_KEYS["certificate_number"], certificate.identification
@@ -284,7 +243,7 @@ def _identified(certificate: Certificate) -> Iterator[tuple[str, str]]:
     yield "Serial number", shown(certificate.serial)
     yield DATE, f"{certificate.measured_at:%Y-%m-%d}"
     yield entry("place")
-    instruments = [(row.name, row.text or "") for row in form.instruments]
+    instruments = [(row.name, row.text or "") for row in certificate.instruments]
     if instruments and certificate.instrument and not any(text for _, text in instruments):
         instruments[0] = (instruments[0][0], shown(certificate.instrument))
     yield from instruments
@@ -297,13 +256,13 @@ def _identified(certificate: Certificate) -> Iterator[tuple[str, str]]:
 
 def _found_and_left(certificate: Certificate) -> Iterator[tuple[str, str]]:
     """The robot before and after; as left alone what was measured with the corrected robot."""
-    tcp, left = certificate.as_found.tcp, certificate.as_left
+    tcp, left = certificate.as_found["tcp"], certificate.as_left
     region = region_words(certificate.region)
     yield (
         "As found",
         ended(f"The offsets above{'' if tcp is None else f'; error of the TCP {region}: {_tcp(tcp)}'}"),
     )
-    if (expected := certificate.expected.tcp) is not None:
+    if (expected := certificate.expected["tcp"]) is not None:
         yield (
             "Expected as left",
             f"Error of the TCP {region}: {_tcp(expected)}, once the values to enter are in the"
@@ -355,12 +314,11 @@ def _statements(certificate: Certificate) -> Iterator[tuple[str, str]]:
 
 
 def _traceability(certificate: Certificate) -> str:
-    form = certificate.form
     if certificate.simulated:
         return "None: the measurements were simulated."
-    if form.traceability:
-        return shown(form.traceability)
-    certificates = [row.name for row in form.instruments if row.text and "certificate" in row.name]
+    if by := certificate.entries["traceability"]:
+        return shown(by)
+    certificates = [row.name for row in certificate.instruments if row.text and "certificate" in row.name]
     if not certificates:
         return "Not shown: no calibration certificate of an instrument is stated."
     return (
@@ -385,158 +343,67 @@ def _rules(certificate: Certificate) -> Iterator[str]:
 
 
 def _offsets(certificate: Certificate) -> Iterator[Block]:
-    rows, geometry, k = certificate.offsets, certificate.result.geometry, certificate.k
-    nominal = geometry.tolerance is None
-    heads = [
-        "name",
-        "estimate",
-        f"U ({numbers.coverage(k)})",
-        *([_IF_IT_DEVIATES] if nominal else []),
-        "status",
+    """The tables of the answer's page, without the numbers that are not certified."""
+    result, k = certificate.result, certificate.k
+    offsets, nominal = result.offsets, result.geometry.tolerance is None
+    table = offsets_table_of(offsets, k, result.geometry if nominal else None)
+    withheld = [
+        row_of(row.cells[0], Cell(_WITHHELD, span=2), row.cells[3], *[NO_NUMBER] * nominal, tone=row.tone)
+        if row.tone == "assumed"
+        else row
+        for row in table.rows
     ]
-    aligned = "lrrrl" if nominal else "lrrl"
-    yield table_of(OFFSETS, heads, [_offset(row, nominal, k) for row in rows], aligned)
+    yield replace(table, rows=withheld)
     yield Paragraph(
         f"U is the expanded uncertainty, the standard uncertainty times {numbers.coverage(k)}: estimate ± U"
         " holds the offset with a probability of about 95 % (JCGM 100)."
     )
     if nominal:
         yield Paragraph(
-            "U holds if the arm has its nominal geometry. U incl. geometry tolerances has the same"
-            f" k and links that deviate by {_tolerances(geometry.considered_tolerance)}."
+            f"U holds if the arm has its nominal geometry. {table.columns[-1].text} has the same k and links"
+            f" that deviate by {tolerances_words(result.geometry)}."
         )
     if certificate.intervals:
-        yield _intervals(certificate.intervals)
+        yield intervals_table(replace(result, intervals=certificate.intervals))[0]
     grouped_by: dict[tuple[str, str], list[str]] = {}
-    for row in rows:
+    for row in offsets:
         if row.reason:
             grouped_by.setdefault((row.status, row.reason), []).append(label(row.name))
     reasons = [
-        LegendEntry(key, f"{listed(names)}:", _named(text)) for (key, text), names in grouped_by.items()
+        LegendEntry(status, f"{listed(names)}:", sentence(with_labels(text)))
+        for (status, text), names in grouped_by.items()
     ]
-    yield Legend(legend((row.status for row in rows), certificate.result.inputs.header), reasons)
+    yield Legend(legend((row.status for row in offsets), result.inputs.header), reasons)
 
 
-def _offset(row: CertifiedOffset, nominal: bool, k: float) -> Row:
-    """One offset. What is not determined has no number in its row."""
-    status, unit, name = row.status, unit_of(row.unit), label(row.name)
-    word, more = Cell(status_words(status), mark=status), [NO_NUMBER] if nominal else []
-    if row.expanded is None or row.estimate is None:
-        withheld = "assumed: no value is certified" if row.status == "assumed" else NOT_DETERMINED
-        text = f"held {_held_at(row)}" if row.held else withheld
-        return row_of(name, Cell(text, span=2), *more, word, tone=status)
-    if nominal and row.considered_std is not None:
-        more = [numbers.spread(k * row.considered_std, unit)]
-    return row_of(
-        name,
-        numbers.estimate(row.estimate, row.expanded, unit),
-        numbers.spread(row.expanded, unit),
-        *more,
-        word,
-        tone=status,
-    )
-
-
-def _intervals(rows: Iterable[Intervals]) -> Table:
-    heads = ("name", "curvature at the mode", "profile likelihood", "posterior")
-    return table_of(
-        "95 % intervals by three methods, where they differ",
-        heads,
-        [row_of(label(row.name), *_ends(row)) for row in rows],
-    )
-
-
-def _ends(row: Intervals) -> Iterator[str]:
-    """By each method."""
-    (low, high), unit = row.linear, unit_of(row.unit)
-    for bounds in (row.linear, row.profile, row.posterior):
-        yield NO_NUMBER if bounds is None else numbers.interval(bounds, (high - low) / 4, unit)
-
-
-def _assumed(certificate: Certificate) -> Iterator[tuple[str, str]]:
-    assumed, geometry = certificate.assumed, certificate.result.geometry
-    tool, noise = assumed.tool, assumed.noise
+def _assumed(certificate: Certificate) -> Iterator[Block]:
+    """What was stated and assumed, by the message of the answer; geometry, priors, held parameters, and the
+    settings of the run that say so."""
+    result, assumed, geometry = certificate.result, certificate.assumed, certificate.result.geometry
+    if result.message is not None:
+        yield from map(Paragraph, result.message.basis)
+    yield from (Paragraph(text) for text in [factors_sentence(geometry)] if text)
+    facts = [("Geometry", "nominal, taken as the robot file states it")]
     if geometry.tolerance is not None:
-        within = f"estimated within tolerances of {_tolerances(geometry.tolerance)}"
-        yield "Geometry", f"{within}{_factors(geometry.factors)}"
-    else:
-        yield "Geometry", "nominal, taken as the robot file states it"
-    if tool:
-        yield "Tool", f"{tool.kind}, {_tool(tool)}"
-    for name, entry in assumed.instruments.items():
-        facts = [f"{key} {text}" for key, text in flat(entry) if key != "kind"]
-        yield f"Instrument {clipped(name, 24)}", f"{shown(entry['kind'])}: {', '.join(facts)}"
-    spot = {} if tool else {"spot_mm": None}
-    yield "Noise (standard deviation)", f"{_noise({**noise, **spot})}; {_scale(assumed)}"
-    yield "Priors (standard deviation)", "; ".join(_priors(assumed.priors)) or "none"
-    held_at = {row.name: _held_at(row) for row in certificate.offsets if row.held}
-    held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in assumed.held]
-    yield "Held, not estimated", listed(held) if held else "nothing"
+        facts = [("Geometry", f"estimated within tolerances of {tolerances_words(geometry)}")]
+    priors: dict[str, list[str]] = {}
+    for one in assumed.priors:
+        std = numbers.exact(float(f"{one.std:.3g}"), unit_of(one.unit))  # where the data have multiplied it
+        priors.setdefault(one.group, []).append(std)
+    stds = [f"{group} {listed(values)}" for group, values in priors.items()]
+    facts.append(("Priors (standard deviation)", "; ".join(stds) or "none"))
+    held = [_held(row) for row in result.parameters if row.held]
+    facts.append(("Held, not estimated", listed(held) if held else "nothing"))
+    header = {key: result.inputs.header.get(key) for key in ("tool", "instruments", "noise")}
+    facts += flat({key: value for key, value in header.items() if value})
+    yield Facts(facts)
+    if factors := [row for row in result.parameters if row.group == "noise" and not row.held]:
+        yield parameter_table("Noise, as a multiple of the stated", factors, certificate.k)
 
 
-def _tool(tool: AssumedTool) -> str:
-    if not tool.calibrated:
-        return "estimated"
-    sigma = [
-        tolerance_words(value, "deg" if key.endswith("deg") else "mm")
-        for key, value in (tool.sigma or {}).items()
-        if value is not None
-    ]
-    return f"calibrated: estimated within {' and '.join(sigma)}" if sigma else "calibrated: taken as stated"
-
-
-def _tolerances(links: LinkTolerances) -> str:
-    return f"{tolerance_words(links.length_mm, 'mm')} and {tolerance_words(links.angle_deg, 'deg')}"
-
-
-def _factors(factors: Factors | None) -> str:
-    if factors is None:
-        return ""
-    parts = [f"{numbers.significant(factor, 2)} ({kind})" for kind, factor in factors.by_kind().items()]
-    return f", which the data multiply by {listed(parts)}"
-
-
-def _priors(rows: Iterable[Prior]) -> Iterator[str]:
-    for group in dict.fromkeys(row.group for row in rows):
-        stds = [_rounded(row.std, unit_of(row.unit)) for row in rows if row.group == group]
-        yield f"{_GROUPS.get(group, group)} {listed(stds)}"
-
-
-def _rounded(std: float, unit: str) -> str:
-    """As it was stated; to three digits where the data have multiplied it."""
-    return numbers.exact(float(f"{std:.3g}"), unit)
-
-
-def _held_at(row: CertifiedOffset) -> str:
-    return f"at {numbers.exact(row.estimate or 0.0, unit_of(row.unit))}"
-
-
-def _noise(noise: Mapping[str, Any]) -> str:
-    parts = []
-    for key, what, unit in (
-        ("joint_deg", "joints", "deg"),
-        ("joint_mm", "prismatic joints", "mm"),
-        ("spot_mm", "spot", "mm"),
-    ):
-        if noise.get(key) is not None:
-            parts.append(f"{what} {tolerance_words(noise[key], unit)}")
-    return ", ".join(parts)
-
-
-def _scale(assumed: Assumed) -> str:
-    scale, rows = assumed.noise.get("scale", "known"), assumed.noise_factors
-    if scale == "known":
-        return "taken as stated"
-    if scale == "estimated" and not rows:
-        return "estimated up to one factor"
-    factors = [
-        f"{clipped(row.name)} {NOT_DETERMINED}"
-        if row.estimate is None or row.std is None
-        else f"{clipped(row.name)} {numbers.estimate(row.estimate, row.std)}"
-        for row in rows
-    ]
-    count = "two" if len(factors) == 2 else str(len(factors))
-    return f"estimated up to {count} factors: {', '.join(factors)}"
+def _held(row: ParameterResult) -> str:
+    at = "" if row.estimate is None else f" at {numbers.exact(row.estimate, unit_of(row.unit))}"
+    return f"{label(row.name)}{at if row.group == 'offset' else ''}"
 
 
 def _fit(fit: LikelihoodSummary) -> str:
@@ -555,11 +422,8 @@ def _fit(fit: LikelihoodSummary) -> str:
 
 def _origin(certificate: Certificate) -> list[tuple[str, str]]:
     return [
-        ("Robot", ", ".join(shown(text) for text in (certificate.model, certificate.vendor) if text)),
-        ("Serial number", shown(certificate.serial)),
         ("Measured at", certificate.measured_at.replace(tzinfo=UTC).isoformat()),
-        ("Instrument", shown(certificate.instrument or _NOT_STATED)),
-        ("Calibrated by", shown(certificate.operator or _NOT_STATED)),
+        ("Instrument", shown(certificate.instrument or "not stated")),
         ("Run", f"{shown(certificate.run)}, {certificate.shots} measurements"),
         ("SHA-256 of the run", certificate.sha256),
         ("SHA-256 of the whole result", certificate.document_sha256),
@@ -567,9 +431,9 @@ def _origin(certificate: Certificate) -> list[tuple[str, str]]:
     ]
 
 
-def _signature(key: SigningKey) -> Iterator[Block]:
+def _signature(fingerprint_of_key: str) -> Iterator[Block]:
     yield Paragraph(f"{listed(list(SIGNED))} are signed, each in a file .sig beside it. {_MEANING}")
-    yield Facts([("Key", key.algorithm), ("Fingerprint (SHA-256)", grouped(key.fingerprint))])
+    yield Facts([("Key", ALGORITHM), ("Fingerprint (SHA-256)", grouped(fingerprint_of_key))])
     yield Paragraph("Either command verifies a file:")
     yield Commands(
         (

@@ -73,10 +73,9 @@ def check_fleet_target(folder: Path) -> None:
                 whole_folder.check_target(path, _ARM)
 
 
-def arm_document(history: ArmHistory) -> dict[str, Any]:
+def arm_document(history: ArmHistory) -> Any:
     """`arm.json` of an arm."""
-    answer: dict[str, Any] = to_json(history, {ArmHistory: {"headline": lambda one: headline(one).sentence}})
-    return answer
+    return to_json(history, {ArmHistory: {"headline": lambda one: headline(one).sentence}})
 
 
 def state_row(state: ArmState) -> dict[str, object]:

@@ -360,10 +360,10 @@ def _cause(model: ModelWalk) -> str:
 def _fastest(fleet: FleetDrift) -> Table:
     models = {(model.model, model.offset): model for model in fleet.models}
     every = [
-        (arm, walk, walk.shrunken, models[arm.model, walk.offset])
+        (arm, one, one.shrunken, models[arm.model, one.offset])
         for arm in fleet.arms
-        for walk in arm.walks
-        if walk.shrunken
+        for one in arm.walks
+        if one.shrunken
     ]
     every.sort(key=lambda row: row[2].median / row[3].noticed, reverse=True)
     columns: Columns[tuple[ArmWalks, ArmWalk, Rate, ModelWalk]] = {

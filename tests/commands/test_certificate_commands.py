@@ -153,7 +153,7 @@ def test_bad_input_is_one_clear_error(plant: Path) -> None:
     misfit = as_misfit(a_result("B"))
     zerobeam("history", "add", write_result(plant / "misfit.json", misfit))
     refused = zerobeam("history", "certify", "B", "-o", "new", "--key", "plant.key").refused()
-    assert "a misfit is not certified" in refused
+    assert "this result is not certified: something speaks against it" in refused
     assert not (plant / "new").exists()
 
 
