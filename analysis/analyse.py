@@ -28,7 +28,7 @@ from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import Explanation, diagnose
 from .diagnostics.hold_out import HoldOut, hold_out, placement_result
-from .diagnostics.influence import shot_results
+from .diagnostics.influence import Loss, shot_results
 from .diagnostics.null_motion import motion_of_run
 from .diagnostics.outliers import robust_result
 from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
@@ -37,18 +37,18 @@ from .diagnostics.values_to_enter import Entered, entered
 from .estimation.effective_dof import as_small
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
-from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
-from .observability.basis import bases
 from .observability.better_postures import kept, usual_constraints
+from .observability.geometry_result import bases
 from .observability.outlook import MedianAnd95, Outlook, Prospect, Prospects, of_run_or_plan
-from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     UNSAMPLED,
     Draws,
+    Intervals,
     Omitted,
     PosteriorSummary,
+    intervals,
     not_worth_sampling,
     sample_posterior,
 )

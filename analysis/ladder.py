@@ -21,8 +21,7 @@ from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood, reweighted
 from .estimation.tolerance_factors import Factors, with_factors, with_open_factors
 from .observability.geometry_result import Rung, RungName, link_columns
-from .placements import placements
-from .recordings.recordings import Effective, effective
+from .recordings.recordings import Effective, effective, placements
 from .solution import Solution, judge, too_few_for_noise
 
 

@@ -38,16 +38,21 @@ from ..model.likelihood.noise import COMMON
 from ..model.likelihood.parameters import Parameter
 from ..model.likelihood.problem import Problem
 from ..model.records import key, record
-from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .left_over import Contradiction, LeftOver
-from .observability.changes import RepeatsApart, RunChange, repeats_apart, run_change, run_change_with_links
+from .observability.changes import (
+    Displacement,
+    RepeatsApart,
+    RunChange,
+    repeats_apart,
+    run_change,
+    run_change_with_links,
+)
 from .observability.geometry_result import TYPICAL_DEG, TYPICAL_MM, link_columns
 from .observability.identifiability import Identified
-from .placements import placements
-from .recordings.resting import resting_columns
-from .recordings.steps import RecordingStep
+from .recordings.recordings import placements
+from .recordings.steps import RecordingStep, resting_columns
 from .status import LACK_OF_FIT, has_numbers
 
 _DETERMINED = 0.1  # of a prior variance: directions of which the data say less are not tested

@@ -30,12 +30,12 @@ from ..model.likelihood.parameters import Parameter
 from ..model.likelihood.problem import Problem
 from ..model.records import internal, it, record, worded
 from .covariance import Covariance, Rows, ValuesByName, frame
-from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, JudgedRow, LocalOptima, NullDirection, Unconverged, cause_for
+from .observability.changes import Displacement, displacement
 from .observability.geometry_result import (
     GeometryResult,
     Rung,
@@ -47,10 +47,8 @@ from .observability.identifiability import Identifiability, Identified, identify
 from .observability.power import DetectionPower, powers
 from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
-from .recordings.resting import resting_columns
-from .recordings.steps import RecordingSteps, steps
-from .row import ParameterRow
-from .status import Status, Verdict, has_numbers, verdict_of, with_misfit
+from .recordings.steps import RecordingSteps, resting_columns, steps
+from .status import ParameterRow, Status, Verdict, has_numbers, verdict_of, with_misfit
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..analysis.analyse import Analysis
 from ..analysis.analyse_options import AnalyseOptions
 from ..analysis.covariance import ValuesByName, frame
-from ..analysis.estimation.robust import Loss
+from ..analysis.diagnostics.influence import Loss
 from ..analysis.status import UNVALIDATED, caveat
 from ..model.arrays import Progress
 from ..model.errors import BadInput

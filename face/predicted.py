@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..analysis.covariance import frame, noted, parameter_among
 from ..analysis.solution import Solution
 from ..analysis.status import UNVALIDATED
-from ..analysis.tcp_positions import NO_EFFECT, arm_covariance, tool_point, undetermined_offsets
+from ..analysis.tcp_region import NO_EFFECT, arm_covariance, tool_point, undetermined_offsets
 from ..model.errors import BadInput
 from ..model.files.from_arrays import joint_positions
 from ..model.files.limits import joint_warnings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ..analysis.observability.basis import Basis
+from ..analysis.observability.geometry_result import Basis
 from ..model.likelihood.parameters import Unit
 from . import numbers
 from .geometry_words import tolerance_words

@@ -24,7 +24,6 @@ from ..analysis.answer.findings import (
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation, undecided
 from ..analysis.diagnostics.hold_out import HoldOut
-from ..analysis.displacement import Displacement
 from ..analysis.misfit import (
     BeyondPrior,
     ExactDoubted,
@@ -41,7 +40,7 @@ from ..analysis.observability.causes import (
     OnAxis,
     ToolRotation,
 )
-from ..analysis.observability.changes import ChangeAt, RepeatsApart, RepeatsDiffer, RunChange
+from ..analysis.observability.changes import ChangeAt, Displacement, RepeatsApart, RepeatsDiffer, RunChange
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import known
 from ..model.files.run import in_no_file

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ..analysis.answer.findings import FileWarning, OtherBasins
 from ..analysis.repeatability.compare import Comparison
 from ..analysis.repeatability.consistency import LEVEL, of_a_std
-from ..analysis.repeatability.repeat import (
+from ..analysis.repeatability.repeats import (
     PriorInEstimate,
     RunFinding,
     SharedDistances,

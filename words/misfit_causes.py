@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..analysis.diagnostics.diagnosis import Explanation
-from ..analysis.diagnostics.misreadings import Misreading
+from ..analysis.diagnostics.diagnosis import Explanation, Misreading
 from ..analysis.diagnostics.suspects import Cause
 from . import numbers
 from .numbers import times

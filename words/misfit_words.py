@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..analysis.diagnostics.diagnosis import Explanation, undecided
-from ..analysis.displacement import Displacement
 from ..analysis.misfit import (
     BeyondPrior,
     Criterion,
@@ -17,7 +16,7 @@ from ..analysis.misfit import (
     PlacementsDisagree,
     TightPrior,
 )
-from ..analysis.observability.changes import ChangeAt, RepeatsApart, RunChange
+from ..analysis.observability.changes import ChangeAt, Displacement, RepeatsApart, RunChange
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
 from . import numbers

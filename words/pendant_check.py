@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ..analysis.pendant_check.entry_changes import EntryChange
-from ..analysis.pendant_check.pose_check import PendantCheck
+from ..analysis.pendant_check.pose_check import EntryChange, PendantCheck
 from ..model.arrays import Matrix
 from ..model.kinematics.orientation import orientation
 from . import numbers

@@ -29,13 +29,11 @@ from ..diagnostics.scene_data import RunScene
 from ..diagnostics.values_to_enter import Conformity, Entered
 from ..estimation.midpoint import MidpointFit
 from ..misfit import Misfit
-from ..observability.basis import Basis
-from ..observability.geometry_result import GeometryResult
+from ..observability.geometry_result import Basis, GeometryResult
 from ..observability.identifiability import Identifiability
 from ..observability.outlook import Outlook
 from ..observability.power import DetectionPower
-from ..posterior.intervals import Intervals
-from ..posterior.posterior import PosteriorSummary
+from ..posterior.posterior import Intervals, PosteriorSummary
 from ..solution import ParameterResult, ParameterTable
 from ..status import UNVALIDATED, Status, Verdict, as_grave, has_numbers, verdict_of
 from ..tcp_region import TcpRegion

@@ -30,23 +30,23 @@ import numpy as np
 
 from ...model.arrays import Index, Matrix
 from ...model.errors import UnsoundResult
-from ...model.kinematics.spread import spread_postures, within_limits
+from ...model.kinematics.pendant import spread_postures, within_limits
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
 from ..error_radius import LengthLaw, radius95
 from ..observability.causes import Cause
 from ..solution import Solution
-from ..tcp_positions import (
+from ..tcp_region import (
     TcpSource,
     arm_covariance,
     beside_first_axis,
     default_point,
     moving_by_nominal,
     moving_offsets,
+    region_postures,
     tool_point,
     undetermined_offsets,
 )
-from ..tcp_region import region_postures
 from .values_to_enter import controller_arm, values_to_enter
 
 Grid = tuple[tuple[float | None, ...], ...]

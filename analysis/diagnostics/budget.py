@@ -22,7 +22,7 @@ from ...model.arrays import Matrix
 from ...model.likelihood.ties import Distance
 from ...model.records import internal, it, record
 from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
-from ..posterior.ends import Ends
+from ..posterior.convergence import Ends
 from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than

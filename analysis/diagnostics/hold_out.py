@@ -22,7 +22,6 @@ from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, key, record
 from ..estimation.fit import fit_likelihood, modes, unbiased_weight
 from ..observability.gauges import ROUNDING, information_root
-from ..placements import Placement, placements
 from ..prediction import (
     PredictedAgainstMeasured,
     Predictor,
@@ -31,7 +30,7 @@ from ..prediction import (
     settled,
     weighted_rows,
 )
-from ..recordings.recordings import Effective
+from ..recordings.recordings import Effective, Placement, placements
 from ..recordings.steps import RecordingStep, RecordingSteps
 from ..solution import Solution
 from ..status import has_numbers

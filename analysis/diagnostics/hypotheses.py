@@ -30,7 +30,7 @@ from ...model.likelihood.problem import Problem
 from ...model.parsing.confinement import BUILT_IN
 from ..estimation.fit import CONTRADICTED, modes
 from ..observability.geometry_result import with_links
-from ..placements import placements
+from ..recordings.recordings import placements
 from .screening import screened
 from .suspects import Cause, Linear, Suspect, suspects
 

@@ -18,8 +18,7 @@ from ...model.arrays import Index, Matrix
 from ...model.likelihood.geometry import ANGLES, BENDING
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
-from ..left_over import Hypotheses
-from ..observability.biases import Linearised, revolute
+from ..left_over import Hypotheses, Linearised, revolute
 from ..observability.changes import FEWEST, elapsed, repeated
 
 Cause = Literal[

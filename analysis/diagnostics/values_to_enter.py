@@ -35,7 +35,7 @@ from ...model.likelihood.problem import Problem
 from ...model.records import it, record
 from ..solution import Solution
 from ..status import Status, known
-from ..tcp_positions import (
+from ..tcp_region import (
     FITTED,
     arm_covariance,
     arms_at_random,
@@ -43,10 +43,10 @@ from ..tcp_positions import (
     fitted_points,
     moving_by_nominal,
     normal_inverse,
+    region_postures,
     tool_point,
     undetermined_offsets,
 )
-from ..tcp_region import region_postures
 
 _POSTURES = 256  # of the region
 _STEPS = 2  # Gauss-Newton from the estimates: what is left is below a micrometre

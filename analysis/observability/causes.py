@@ -14,8 +14,7 @@ from pydantic import Field
 from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ...model.records import internal, it, record, worded
-from ..row import StatusRow
-from ..status import Status
+from ..status import Status, StatusRow
 
 MOST = 0.5  # of a variance that tolerances set: they are its reason
 

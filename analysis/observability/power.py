@@ -22,10 +22,9 @@ import scipy
 from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.problem import Problem
 from ...model.records import it, key, record
+from ..left_over import Biases, revolute, tool_items
 from ..status import LACK_OF_FIT, Status, known
-from ..tcp_positions import default_point, moving_by_nominal, tool_point, undetermined_offsets
-from ..tcp_region import region_postures
-from .biases import Biases, revolute, tool_items
+from ..tcp_region import default_point, moving_by_nominal, region_postures, tool_point, undetermined_offsets
 from .changes import FEWEST, change_limit, repeat_limit, repeated
 from .identifiability import Identified
 

@@ -17,16 +17,16 @@ from ...model.arrays import Mask, Matrix
 from ...model.likelihood.problem import Problem
 from ..covariance import drawn_by_covariance
 from ..status import Status
-from ..tcp_positions import (
+from ..tcp_region import (
     arm_covariance,
     arms_at_random,
     default_point,
     fitted_points,
     moving_by_nominal,
     normal_inverse,
+    region_postures,
     tool_point,
 )
-from ..tcp_region import region_postures
 
 _POSTURES, _FITTED_AT = 128, 32
 _SEED = 2015

@@ -1,4 +1,11 @@
-"""Recordings: the consecutive measurements of one target, the correlation of their residuals at a fit, and
+"""Which measurements belong together: placements and recordings.
+
+A placement is the targets that stay together while the measurements of one setup are taken: a set of targets
+tied by stated distances or angles (the sockets of one plate, the faces of one cube), or one target alone.
+What is wrong with a model shows between placements: an arm that is not its drawing hits each place
+consistently, and each a little differently.
+
+Recordings: the consecutive measurements of one target, the correlation of their residuals at a fit, and
 the effective number of measurements: how many independent ones would say as much.
 
 The residuals r of a fit are no independent numbers even if the errors are: with whitened Jacobian A and
@@ -23,16 +30,58 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from os.path import commonprefix
 from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 import scipy
 
 from ...model.arrays import NORMAL_95, Index, Mask, Matrix
-from ...model.likelihood.problem import Problem, Whitened
+from ...model.likelihood.problem import Problem
 from ...model.records import it, key, record
 from ..covariance import root_of
 from ..estimation.fit import LikelihoodFit
+from ..left_over import by_targets
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """One placement: what it is called, its targets, and the places of its measurements in the problem."""
+
+    name: str
+    targets: tuple[str, ...]
+    rows: Index
+
+
+def placements(problem: Problem) -> tuple[Placement, ...]:
+    """All placements with measurements, in the order of their first target; none of a run with a station,
+    whose frame belongs to all.
+
+    A placement of several targets is called by what their names begin with alike (`front` of `front_0` and
+    `front_1`), by all of their names where that is nothing or names two.
+    """
+    if problem.stations:
+        return ()
+    label = np.arange(len(problem.targets))
+    for tie in problem.ties:
+        label[label == label[tie.second]] = label[tie.first]
+    groups = [np.flatnonzero(label == k) for k in dict.fromkeys(label.tolist())]
+    members = [tuple(problem.targets[i] for i in group) for group in groups]
+    # names, not paths
+    short = [
+        commonprefix(names).rstrip("_-. ") if len(names) > 1 else names[0]  # noqa: RUF071
+        for names in members
+    ]
+    return tuple(
+        Placement(
+            shared if shared and short.count(shared) == 1 else ", ".join(names),
+            names,
+            np.flatnonzero(np.isin(problem.target_index, group)),
+        )
+        for shared, names, group in zip(short, members, groups, strict=True)
+        if np.isin(problem.target_index, group).any()
+    )
+
 
 _NOTHING = 1e-18  # a correlation below rounding
 SIGNIFICANCE = 0.01  # p-value below which a correlation is used
@@ -48,16 +97,6 @@ _HALVINGS = 60  # of an interval, to the last digit
 _ODDS = 100.0  # of a correlation against none, from which on it counts
 _RHO = np.linspace(0.0, 0.98, 50)  # the first is none
 _PRIOR = 1 - _RHO[1:]  # of the others: large ones are rare
-
-
-def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
-    """(N, d, 3) of the whitened residuals by what moves their target in mm, held or not: its coordinates, the
-    distance of a plane, the origin of a free frame; 0 where nothing does."""
-    parameters, d = problem.parameters, problem.tool.residual_size
-    places = np.array([parameters.place_of(name) for name in problem.targets])[problem.target_index]
-    jacobian = whitened.jacobian[: problem.shots * d].reshape(problem.shots, d, -1)
-    by_scaled = np.take_along_axis(jacobian, np.repeat(places[:, None, :], d, axis=1), axis=2)
-    return np.asarray(np.where(places < 0, 0.0, 1 / parameters.prior_std[places])[:, None, :] * by_scaled)
 
 
 _Rho = TypeVar("_Rho", float, Matrix)

@@ -15,8 +15,7 @@ from ...model.errors import UnsoundResult
 from ...model.files.run import Run
 from ...model.records import inline, internal, it, key, record, worded
 from ..left_over import holm
-from ..row import StatusRow
-from ..status import versions
+from ..status import StatusRow, versions
 from .consistency import (
     LEVEL,
     AgainstOthers,
@@ -31,8 +30,7 @@ from .consistency import (
     mean_of,
     scatter,
 )
-from .repeat import Kind, Repeat, RunFinding
-from .repeats import read_repeats, times
+from .repeats import Kind, Repeat, RunFinding, read_repeats, times
 
 Question = Literal["consistency", "offsets", "odd", "drift"]
 Agreement = Literal["agrees", "does not agree", "not tested", "misfit"]

@@ -23,9 +23,9 @@ from ...analysis.covariance import Covariance
 from ...analysis.diagnostics.accuracy import place_uncertainty
 from ...analysis.diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from ...analysis.diagnostics.values_to_enter import ValueToEnter, offsets_to_enter
-from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
+from ...analysis.observability.changes import Displacement
 from ...analysis.prediction import length_rows, settled
 from ...analysis.recordings.steps import RecordingStep
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data

@@ -17,13 +17,13 @@ from pydantic import Field, JsonValue
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.predictions import predicted_covariance
-from ...analysis.tcp_positions import (
+from ...analysis.tcp_region import (
     arm_covariance,
     moving_offsets,
+    region_postures,
     tool_point,
     undetermined_offsets,
 )
-from ...analysis.tcp_region import region_postures
 from ...model.arrays import Matrix
 from ...model.errors import located
 from ...model.files.header import Header

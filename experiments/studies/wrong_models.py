@@ -16,10 +16,9 @@ from typing import Annotated
 import numpy as np
 
 from ...analysis.diagnostics.diagnosis import Explanation, diagnose
-from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
-from ...analysis.observability.changes import RunChange
+from ...analysis.observability.changes import Displacement, RunChange
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix
 from ...model.files.from_arrays import Laser

@@ -4,13 +4,14 @@ Inside, joint 3 is the angle between links 2 and 3. Some controllers (FANUC; arm
 it from the ground: their joint 3 is that angle less joint 2, and stays as it is when joint 2 alone moves. The
 signs of joints 2 and 3 are the controller's in both (ros-industrial/fanuc_driver, fanuc_utils.h, adds J2 to
 J3: J23_factor = 1). Such an arm has two ranges: of joint 3 as it is shown, and of the angle between links.
+Postures that are spread evenly over ranges keep to both.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -277,3 +278,25 @@ def require_link_encoder(robot: Robot, what: str) -> None:
             allowed="an encoder that measures the angle between links 2 and 3",
             remedy="zerobeam export json has the offsets; that of this encoder is delta3 - delta2",
         )
+
+
+def within_limits(robot: Robot, joints: Matrix) -> Matrix:
+    """Those of joints (N, n) that the arm can take: where joint 3 is counted from the ground its range
+    depends on joint 2."""
+    return joints if robot.conventions.range3 is None else joints[~beyond_limits(robot, joints).any(axis=1)]
+
+
+def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:
+    """(count, n) evenly between `lower` and `upper` (n,): Kronecker's sequence with the powers of the root of
+    x^(n + 1) = x + 1 (Roberts 2018), which has no seed."""
+    return np.asarray(lower + _shares(len(lower), count) * (upper - lower))
+
+
+@lru_cache(maxsize=16)
+def _shares(n: int, count: int) -> Matrix:
+    """(count, n) from 0 to 1 of `spread_postures`."""
+    root = 2.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (n + 1))
+    steps = root ** -np.arange(1.0, n + 1)
+    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0)

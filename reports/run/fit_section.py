@@ -12,7 +12,7 @@ from ...analysis.diagnostics.hold_out import HoldOut
 from ...analysis.diagnostics.outliers import Robust
 from ...analysis.estimation.midpoint import MidpointFit
 from ...analysis.observability.power import LIMIT_U, DetectionPower
-from ...analysis.posterior.intervals import Intervals
+from ...analysis.posterior.posterior import Intervals
 from ...words import numbers
 from ...words.finding_words import likelihood_message
 from ...words.fit_words import goodness_of_fit, hold_out_sentences, robust_sentence

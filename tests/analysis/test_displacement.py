@@ -8,8 +8,8 @@ import pytest
 from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
 from scipy import stats
 
-from zerobeam.analysis.displacement import Displacement, displacement, displacements, left_over
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.observability.changes import Displacement, displacement, displacements, left_over
 from zerobeam.analysis.observability.geometry_result import link_columns
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan

@@ -13,7 +13,7 @@ from scipy import stats
 
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
-from zerobeam.analysis.placements import placements
+from zerobeam.analysis.recordings.recordings import placements
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.status import known
 from zerobeam.model.likelihood.problem import Problem

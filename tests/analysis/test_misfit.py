@@ -23,7 +23,6 @@ from cells import (
 )
 from scipy import stats
 
-from zerobeam.analysis.displacement import Displacement
 from zerobeam.analysis.estimation.fit import fit_from
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.misfit import (
@@ -34,6 +33,7 @@ from zerobeam.analysis.misfit import (
     Misfit,
     PlacementsDisagree,
 )
+from zerobeam.analysis.observability.changes import Displacement
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, judge, so_far, solve
 from zerobeam.analysis.status import verdict_of

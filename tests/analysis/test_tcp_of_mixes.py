@@ -13,8 +13,7 @@ from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.predictions import predicted_covariance
-from zerobeam.analysis.tcp_positions import arm_covariance, tool_point
-from zerobeam.analysis.tcp_region import region_postures
+from zerobeam.analysis.tcp_region import arm_covariance, region_postures, tool_point
 from zerobeam.experiments.plans.candidates import Planned, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.simulate import simulated_readings

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from zerobeam.analysis.diagnostics.hold_out import fit_without
-from zerobeam.analysis.placements import Placement, placements
 from zerobeam.analysis.prediction import Predictor, known_factors
+from zerobeam.analysis.recordings.recordings import Placement, placements
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.status import known
 from zerobeam.model.arrays import Index

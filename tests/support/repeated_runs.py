@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from cells import TABLE_2, simulated
 
-from zerobeam.analysis.repeatability.repeat import Repeat
+from zerobeam.analysis.repeatability.repeats import Repeat
 from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import write_run

@@ -19,9 +19,8 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, recorded
 from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, hold_out, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
 from zerobeam.analysis.ladder import solve_run
-from zerobeam.analysis.placements import placements
 from zerobeam.analysis.posterior.profiles import profile_intervals
-from zerobeam.analysis.recordings.recordings import effective
+from zerobeam.analysis.recordings.recordings import effective, placements
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.errors import BadInput

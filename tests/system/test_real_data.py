@@ -20,9 +20,9 @@ from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.answer.findings import on_held_out
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.hold_out import fits_without, hold_out, jackknife, leave_one_out
-from zerobeam.analysis.displacement import displacement
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.misfit import PlacementsDisagree
+from zerobeam.analysis.observability.changes import displacement
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import read_run

@@ -35,7 +35,6 @@ from zerobeam.analysis.answer.result import Result, parse_result
 from zerobeam.analysis.diagnostics.diagnosis import Explanation
 from zerobeam.analysis.diagnostics.hold_out import HoldOut, LeaveOneOut
 from zerobeam.analysis.diagnostics.values_to_enter import Conformity
-from zerobeam.analysis.displacement import Displacement
 from zerobeam.analysis.misfit import (
     BeyondPrior,
     ExactDoubted,
@@ -48,7 +47,7 @@ from zerobeam.analysis.misfit import (
     TightPrior,
 )
 from zerobeam.analysis.observability.causes import Held
-from zerobeam.analysis.observability.changes import RepeatsApart, RepeatsDiffer, RunChange
+from zerobeam.analysis.observability.changes import Displacement, RepeatsApart, RepeatsDiffer, RunChange
 from zerobeam.analysis.observability.check import Check, OutsideLimits, TargetBehind, Unreachable, Violation
 from zerobeam.analysis.observability.predictions import OverTarget
 from zerobeam.analysis.recordings.steps import RecordingStep, RecordingSteps

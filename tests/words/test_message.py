@@ -20,9 +20,9 @@ from rich.console import Console
 import zerobeam as zb
 from zerobeam.analysis.answer.answer_message import Message
 from zerobeam.analysis.answer.findings import FileWarning, HeldOutMisfit, OtherBasins, Outlying
-from zerobeam.analysis.displacement import Displacement
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.causes import Held
+from zerobeam.analysis.observability.changes import Displacement
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.experiments.makers.calibration import NotValidated, calibration

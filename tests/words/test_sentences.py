@@ -24,7 +24,7 @@ from example_results import (
 
 from zerobeam.analysis.answer.result import RESULT_SCHEMA, Result
 from zerobeam.analysis.diagnostics.scene_data import SceneTarget
-from zerobeam.analysis.posterior.intervals import Intervals
+from zerobeam.analysis.posterior.posterior import Intervals
 from zerobeam.analysis.solution import ParameterTable
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.records import dumps

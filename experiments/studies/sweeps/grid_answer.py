@@ -14,8 +14,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from ....analysis.row import StatusRow
-from ....analysis.status import Status, Verdict
+from ....analysis.status import Status, StatusRow, Verdict
 from ....model.errors import UnsoundResult
 from ....model.likelihood.parameters import Group
 from ....model.records import record

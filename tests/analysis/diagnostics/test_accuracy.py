@@ -30,8 +30,8 @@ from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.analysis.tcp_region import region_postures
 from zerobeam.model.kinematics.dh import DHRow, dh_chain
+from zerobeam.model.kinematics.pendant import spread_postures
 from zerobeam.model.kinematics.robot import Joint, Robot
-from zerobeam.model.kinematics.spread import spread_postures
 from zerobeam.model.likelihood.density import Density
 from zerobeam.words.finding_words import accuracy_reason, tcp_words
 

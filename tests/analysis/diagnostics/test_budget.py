@@ -24,8 +24,7 @@ from scipy import stats
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.budget import budget, check_linear
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
-from zerobeam.analysis.posterior.convergence import tail_effective
-from zerobeam.analysis.posterior.ends import Ends
+from zerobeam.analysis.posterior.convergence import Ends, tail_effective
 from zerobeam.analysis.posterior.posterior import UNSAMPLED, PosteriorParameter
 from zerobeam.analysis.posterior.sampler import DECIDING_EACH, IndependenceProposal, sample_density
 from zerobeam.analysis.solution import judge

@@ -21,11 +21,10 @@ from zerobeam.analysis.diagnostics.hold_out import (
     leave_one_out,
     placement_result,
 )
-from zerobeam.analysis.displacement import displacement
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.observability.changes import displacement
 from zerobeam.analysis.observability.geometry_result import link_columns
-from zerobeam.analysis.placements import Placement, placements
-from zerobeam.analysis.recordings.recordings import effective
+from zerobeam.analysis.recordings.recordings import Placement, effective, placements
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem

@@ -4,9 +4,8 @@ from cells import LASER, OPEN_LASER, PROBE, TABLE_2, good_plan, plan_of, simulat
 from measured_arms import CELLS, recorded
 
 from zerobeam.analysis.diagnostics import influence as module
-from zerobeam.analysis.diagnostics.influence import influence
+from zerobeam.analysis.diagnostics.influence import influence, leverages
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.estimation.robust import leverages
 from zerobeam.model.likelihood.problem import Problem
 
 

@@ -13,8 +13,7 @@ from command_line import zerobeam
 from mistyped_row import HEADER, MISTYPED
 from pose_runs import pose_header, pose_run, postures
 
-from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
-from zerobeam.analysis.diagnostics.misreadings import Misreading, meant
+from zerobeam.analysis.diagnostics.diagnosis import Explanation, Misreading, diagnose, meant
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.plan import Plan, planned

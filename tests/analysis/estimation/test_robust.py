@@ -6,8 +6,8 @@ from plain_posterior import PlainPosterior
 from scipy import stats
 
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.diagnostics.influence import STUDENT_NU, _weights, fit_robust, outlying
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.estimation.robust import STUDENT_NU, _weights, fit_robust, outlying
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.finding_words import notes, robust_message
 

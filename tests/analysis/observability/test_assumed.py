@@ -13,8 +13,8 @@ from cells import LASER, PROBE, good_plan, header, irb1600, run_of, simulated, s
 from measured_arms import CELLS, KNOWN_FRAME, STATED_FRAME, Cell, recorded
 
 from zerobeam.analysis.diagnostics.values_to_enter import entered, offsets_to_enter
-from zerobeam.analysis.observability.basis import bases
 from zerobeam.analysis.observability.causes import AsGoodAs
+from zerobeam.analysis.observability.geometry_result import bases
 from zerobeam.analysis.observability.identifiability import Identified, identify
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.analysis.status import has_numbers, known, verdict_of

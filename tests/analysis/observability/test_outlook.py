@@ -15,8 +15,14 @@ from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.better_postures import PostureSearch, kept, usual_constraints
 from zerobeam.analysis.observability.check import Check
 from zerobeam.analysis.observability.clearance import arm_in_the_way
-from zerobeam.analysis.observability.flange_points import POINTS, SIGMA_MM
-from zerobeam.analysis.observability.outlook import COVERAGE, Outlook, OutlookRow, constraint_options
+from zerobeam.analysis.observability.outlook import (
+    COVERAGE,
+    POINTS,
+    SIGMA_MM,
+    Outlook,
+    OutlookRow,
+    constraint_options,
+)
 from zerobeam.analysis.observability.predictions import predicted_covariance
 from zerobeam.analysis.observability.tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
 from zerobeam.analysis.status import known

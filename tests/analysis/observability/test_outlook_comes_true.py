@@ -18,10 +18,8 @@ from scipy.spatial.transform import Rotation
 from zerobeam.analysis.diagnostics.values_to_enter import controller_arm, held_by_a_robot, values_to_enter
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
-from zerobeam.analysis.observability.flange_points import SIGMA_MM
-from zerobeam.analysis.observability.outlook import COVERAGE, OutlookRow
-from zerobeam.analysis.tcp_positions import default_point
-from zerobeam.analysis.tcp_region import region_postures
+from zerobeam.analysis.observability.outlook import COVERAGE, SIGMA_MM, OutlookRow
+from zerobeam.analysis.tcp_region import default_point, region_postures
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.instruments.kind import Measurement

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.analysis.pendant_check.entry_changes import _file_changes, chain_of
-from zerobeam.analysis.pendant_check.pose_check import PendantCheck, check_poses
+from zerobeam.analysis.pendant_check.pose_check import PendantCheck, _file_changes, chain_of, check_poses
 from zerobeam.analysis.pendant_check.poses import FORM_OF_VENDOR, AngleForm, Counting, PendantPose
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import UrdfRef

@@ -7,7 +7,7 @@ from exact_runs import demo_runs
 from scipy import stats
 
 from zerobeam.analysis.ladder import solve_run
-from zerobeam.analysis.posterior.ends import Ends, MarginalT, Weights, pareto_k, weighted_ends
+from zerobeam.analysis.posterior.convergence import Ends, MarginalT, Weights, pareto_k, weighted_ends
 from zerobeam.analysis.posterior.posterior import sample_posterior
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem

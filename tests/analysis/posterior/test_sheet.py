@@ -5,7 +5,7 @@ import pytest
 from arviz_stats.base import array_stats
 from scipy import stats
 
-from zerobeam.analysis.posterior.ends import Weights
+from zerobeam.analysis.posterior.convergence import Weights
 from zerobeam.analysis.posterior.sampler import IndependenceProposal, sample_density
 from zerobeam.analysis.posterior.sheet import Local, sheet_of
 

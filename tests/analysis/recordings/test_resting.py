@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from cells import irb1600, run_of
 
-from zerobeam.analysis.recordings.resting import resting_columns, rests
-from zerobeam.analysis.recordings.steps import steps
+from zerobeam.analysis.recordings.steps import resting_columns, rests, steps
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header

@@ -20,7 +20,7 @@ from cells import good_plan, plan_of
 from command_line import plan_file
 from run_events import as_json
 
-from zerobeam.analysis.displacement import displacement
+from zerobeam.analysis.observability.changes import displacement
 from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
