@@ -41,7 +41,7 @@ from .estimation.threads import one_blas_thread
 from .ladder import solve_run
 from .observability.better_postures import kept, usual_constraints
 from .observability.geometry_result import bases
-from .observability.outlook import MedianAnd95, Outlook, Prospect, Prospects, of_run_or_plan
+from .observability.outlook import MedianAnd95, Outlook, Prospect, Prospects
 from .posterior.posterior import (
     UNSAMPLED,
     Draws,
@@ -250,23 +250,21 @@ def _outlook(
         return None
     problem, x, entries = solution.problem, solution.fit.x, run.header.targets
     constraints = usual_constraints(problem, x)
-    return of_run_or_plan(
-        Prospect(
-            header=run.header,
-            problem=problem,
-            x=x,
-            status=solution.status,
-            rests_on=solution.identified.rests_on,
-            covariance=solution.fit.covariance,
-            estimated=True,
-            prospects=Prospects(constraints, lambda shots: kept(constraints, shots, x, entries)),
-            weight=1 / solution.noise_scale**2,
-            dof=solution.dof if problem.noise.estimated and solution.dof else None,
-            minutes_each=_minutes_each(run),
-            tcp=_median_and_95(to_enter),
-            tcp_with_links=_median_and_95(with_links),
-        )
-    )
+    return Prospect(
+        header=run.header,
+        problem=problem,
+        x=x,
+        status=solution.status,
+        rests_on=solution.identified.rests_on,
+        covariance=solution.fit.covariance,
+        estimated=True,
+        prospects=Prospects(constraints, lambda shots: kept(constraints, shots, x, entries)),
+        weight=1 / solution.noise_scale**2,
+        dof=solution.dof if problem.noise.estimated and solution.dof else None,
+        minutes_each=_minutes_each(run),
+        tcp=_median_and_95(to_enter),
+        tcp_with_links=_median_and_95(with_links),
+    ).outlook()
 
 
 def _median_and_95(entered: Entered | None) -> MedianAnd95 | None:

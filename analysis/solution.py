@@ -436,17 +436,14 @@ class Solution:
             self.fit.covariance[np.ix_(at, at)] * np.outer(scale, scale),
         )
 
-    def _interval95(self, i: int) -> tuple[float, float]:
-        """The 95 % interval of the parameter at place `i`, by the curvature at the mode."""
-        item, value = self.problem.parameters.items[i], float(self.fit.x[i])
-        half = float(self.quantiles[i] * self.std[i])
-        return item.shown(value - half), item.shown(value + half)
-
     def _row(self, i: int, item: Parameter) -> ParameterResult:
         status, value = self.status[i], float(self.fit.x[i])
         determined = has_numbers(status)
         data_std = item.shown_std(value, float(self.identified.data_std[i]))
-        by_tolerances = float(self._tolerance_share[i]) if determined and self._tolerated else None
+        half = float(self.quantiles[i] * self.std[i])  # by the curvature at the mode
+        by_tolerances = (
+            float(self._tolerance_share[i]) if determined and len(self.problem.tolerated) else None
+        )
         cause = cause_for(
             self.identified.facts.null_space, item, status, by_tolerances, self.identified.rests_on
         )
@@ -458,7 +455,7 @@ class Solution:
             estimate=item.shown(value) if determined or item.held else None,
             std=item.shown_std(value, float(self.std[i])) if determined else None,
             data_std=data_std if np.isfinite(data_std) else None,
-            interval95=self._interval95(i) if determined else None,
+            interval95=(item.shown(value - half), item.shown(value + half)) if determined else None,
             prior_std=item.shown_prior[1],
             midpoint=None,
             cause=cause if self.converged or item.held else Unconverged(),
@@ -466,10 +463,6 @@ class Solution:
             tolerated=item.tolerated,
             dof=float(self.effective_dof[i]) if determined else math.inf,
         )
-
-    @property
-    def _tolerated(self) -> bool:
-        return len(self.problem.tolerated) > 0
 
     @cached_property
     def _tolerance_share(self) -> Matrix:

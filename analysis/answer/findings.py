@@ -153,20 +153,15 @@ def findings(
     warnings: Sequence[str],
 ) -> tuple[Finding, ...]:
     """All of a result, the gravest first; `warnings` are those of the run's file."""
+    omitted = posterior.omitted
     return (
         *on_the_model(solution),
         *((NoPosterior(posterior),) if posterior.draws and not posterior.converged else ()),
-        *_on_omitted(posterior),
+        *((PoorCurvature(omitted.poor, omitted.tested),) if omitted and not omitted.enough else ()),
         *on_held_out(held_out),
         *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),
         *(FileWarning(text) for text in warnings if text not in solution.problem.robot.rounded),
     )
-
-
-def _on_omitted(posterior: PosteriorSummary) -> Iterator[Finding]:
-    left_out = posterior.omitted
-    if left_out is not None and not left_out.enough:
-        yield PoorCurvature(left_out.poor, left_out.tested)
 
 
 def on_held_out(held_out: HoldOut | PredictedRun | None) -> Iterator[Finding]:

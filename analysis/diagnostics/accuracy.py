@@ -22,7 +22,7 @@ everywhere.) The arm's repeatability and its load are not in the numbers, nor is
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -195,10 +195,11 @@ def accuracy(
     weak: tuple[str, ...] = ()
     if not len(undetermined):
         values = values_to_enter(solution) if values is None else values
-        errors = _errors(solution, point, joints, position, jacobian, values)
+        levels, *laws = _errors(solution, point, joints, position, jacobian, values)
         whole, near = slice(len(region)), slice(len(region), len(joints) - problem.shots)
-        workspace, near_shots = _region(errors.levels[:, whole]), _region(errors.levels[:, near])
-        maps = _maps(problem, position[whole], position[near.stop :], errors.of(whole))
+        workspace, near_shots = _region(levels[:, whole]), _region(levels[:, near])
+        laws = [law.of(whole) for law in laws]
+        maps = _maps(problem, position[whole], position[near.stop :], levels[:, whole], laws)
         shown = by_offset[:, :, whole] / parameters.display[offsets][:, None]
         sensitivity = tuple(
             map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / len(region)).tolist())
@@ -220,20 +221,6 @@ def accuracy(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Errors:
-    """Of P postures the `levels` (5, P) mm: the error before the calibration, the std of that, the 95 %
-    radius after it, the rms, and the 95 % radius before it (see `RegionAccuracy`); the laws of the errors
-    `before` and `after`."""
-
-    levels: Matrix
-    before: LengthLaw
-    after: LengthLaw
-
-    def of(self, rows: slice) -> _Errors:
-        return _Errors(self.levels[:, rows], self.before.of(rows), self.after.of(rows))
-
-
 def _errors(
     solution: Solution,
     point: Matrix,
@@ -241,7 +228,9 @@ def _errors(
     position: Matrix,
     jacobian: Matrix,
     values: Mapping[str, float],
-) -> _Errors:
+) -> tuple[Matrix, LengthLaw, LengthLaw]:
+    """Of P postures (5, P) mm: the error before the calibration, the std of that, the 95 % radius after it,
+    the rms, and the 95 % radius before it (see `RegionAccuracy`); the laws of the errors before and after."""
     problem, fit = solution.problem, solution.fit
     dof = max(solution.dof, 1) if problem.noise.estimated else None
     position_of = problem.functions.kernel("place")
@@ -257,14 +246,14 @@ def _errors(
     before95 = before.quantile()
     if not problem.geometry:
         after = LengthLaw.about(np.zeros_like(apart), of_point, dof)
-        return _Errors(np.array([length, std, radius95(of_point, dof), rms, before95]), before, after)
+        return np.array([length, std, radius95(of_point, dof), rms, before95]), before, after
     arm = controller_arm(problem, values)
     arm[0] = 0.0
     (entered_at,) = position_of(joints, arm, point)
     left = np.asfortranarray(position - entered_at)
     rms = np.sqrt(rms**2 + (left**2).sum(axis=1))
     after = LengthLaw.about(left, of_point, dof)
-    return _Errors(np.array([length, std, after.quantile(), rms, before95]), before, after)
+    return np.array([length, std, after.quantile(), rms, before95]), before, after
 
 
 def place_uncertainty(solution: Solution, applied: Collection[str], joints: Matrix, points: Matrix) -> Matrix:
@@ -319,14 +308,16 @@ def _region(errors: Matrix) -> RegionAccuracy:
     )
 
 
-def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) -> tuple[Map, Map]:
+def _maps(
+    problem: Problem, position: Matrix, shots: Matrix, levels: Matrix, laws: Sequence[LengthLaw]
+) -> tuple[Map, Map]:
     first = problem.robot.joints[0]
     name = "axis 1" if first.kind == "revolute" else "the base's z axis"
     across = (f"distance from {name}", "height")
     at, of_shots = (beside_first_axis(problem.robot, points) for points in (position, shots))
     return (
-        _map("vertical", across, at, of_shots, errors),
-        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], errors),
+        _map("vertical", across, at, of_shots, levels, laws),
+        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], levels, laws),
     )
 
 
@@ -335,7 +326,8 @@ def _map(
     axes: tuple[str, str],
     at: Matrix,
     shots: Matrix,
-    errors: _Errors,
+    errors: Matrix,
+    laws: Sequence[LengthLaw],
 ) -> Map:
     """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm."""
     every = np.concatenate([at, shots])
@@ -376,11 +368,11 @@ def _map(
         corner_mm=(float(corner[0] * size), float(corner[1] * size)),
         postures=counted(at),
         shots=counted(shots),
-        before_mm=levels(errors.levels[0]),
-        after95_mm=levels(errors.levels[2]),
-        before95_mm=levels(errors.levels[4]),
-        before_p95_mm=p95(errors.before),
-        after_p95_mm=p95(errors.after),
+        before_mm=levels(errors[0]),
+        after95_mm=levels(errors[2]),
+        before95_mm=levels(errors[4]),
+        before_p95_mm=p95(laws[0]),
+        after_p95_mm=p95(laws[1]),
     )
 
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import scipy
@@ -38,19 +37,30 @@ _VENDOR = re.compile(r"^vendor: *([\w-]+)", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
-class Variant:
-    """Another robot. `joints` (from 1) are those before and behind a twist of which the sign is reversed, or
-    the last one for the link that ends in the flange; `of` is the name of another arm. There are
-    exp(`log_choices`) of its kind."""
+class Change:
+    """One thing that may be wrong, and the positions `recorded` (N, n) or the `robot` that would be there
+    without it (None: as they are).
 
-    cause: Literal["twist", "convention", "arm"]
-    robot: Robot
+    `joints` are numbered from 1: those concerned; of a twist the joints before and behind the link, or the
+    last one for the link that ends in the flange. `amount` is what is added to a zero (deg), the factor of
+    units, or how many times joint 2 is added to joint 3. `of` names the arm or the convention, `gone` the
+    places of measurements that are left out. `volume` is the
+    logarithm of the factor by which positions shrink, `occam` the price of what is chosen to suit the data.
+    """
+
+    cause: Cause
     joints: tuple[int, ...] = ()
+    recorded: Matrix | None = None
+    amount: float = 0.0
     of: str = ""
-    log_choices: float = 0.0
+    robot: Robot | None = None
+    gone: tuple[int, ...] = ()
+    targets: tuple[str, ...] = ()
+    volume: float = 0.0
+    occam: float = 0.0
 
 
-def file_variants(robot: Robot) -> Iterator[Variant]:
+def file_variants(robot: Robot) -> Iterator[Change]:
     """Twists, and the other convention of the rows."""
     robot = along_z(robot)
     first, *ends = (*(joint.fixed for joint in robot.joints), robot.flange)
@@ -60,11 +70,11 @@ def file_variants(robot: Robot) -> Iterator[Variant]:
             continue
         link = replace(row, alpha=-row.alpha).matrix()
         joints = (k + 1, k + 2) if k + 1 < robot.n else (k + 1,)
-        yield Variant("twist", with_fixed(robot, [first, *ends[:k], link, *ends[k + 1 :]]), joints)
+        yield Change("twist", joints, robot=with_fixed(robot, [first, *ends[:k], link, *ends[k + 1 :]]))
     yield from _conventions(robot, first, [row for row in rows if row is not None])
 
 
-def _conventions(robot: Robot, first: Matrix, rows: Sequence[DHRow]) -> Iterator[Variant]:
+def _conventions(robot: Robot, first: Matrix, rows: Sequence[DHRow]) -> Iterator[Change]:
     """Rows of standard Denavit-Hartenberg parameters that were read as modified ones, and the reverse.
 
     Between joints i and i + 1 both have theta and d of row i; a and alpha are those of row i by the standard,
@@ -76,10 +86,10 @@ def _conventions(robot: Robot, first: Matrix, rows: Sequence[DHRow]) -> Iterator
     before = as_row(first)
     if before is not None and (before.d, before.theta) == links[-1] == (0.0, 0.0):
         moved = _with_links(rows, [(before.a, before.alpha), *links[:-1]])
-        yield Variant("convention", with_fixed(robot, [np.eye(4), *moved]), of="standard")
+        yield Change("convention", of="standard", robot=with_fixed(robot, [np.eye(4), *moved]))
     moved = _with_links(rows, [*links[1:], (0.0, 0.0)])
     before_first = first @ DHRow(*links[0], 0.0, 0.0).matrix()
-    yield Variant("convention", with_fixed(robot, [before_first, *moved]), of="modified")
+    yield Change("convention", of="modified", robot=with_fixed(robot, [before_first, *moved]))
 
 
 def _with_links(rows: Sequence[DHRow], links: Sequence[tuple[float, float]]) -> list[Matrix]:
@@ -87,14 +97,14 @@ def _with_links(rows: Sequence[DHRow], links: Sequence[tuple[float, float]]) -> 
     return [DHRow(*link, row.d, row.theta).matrix() for link, row in zip(links, rows, strict=True)]
 
 
-def other_arms(robot: Robot, *, siblings: bool) -> Iterator[Variant]:
+def other_arms(robot: Robot, *, siblings: bool) -> Iterator[Change]:
     """Built-in arms with joints of the same kinds: those of the same maker, or all others."""
     kinds = [joint.kind for joint in robot.joints]
     names = [name for name, vendor in _vendors() if (vendor == robot.vendor) == siblings]
     arms = [arm for arm in map(_built_in, names) if arm.name != robot.name]
     arms = [arm for arm in arms if [joint.kind for joint in arm.joints] == kinds]
     for arm in arms:
-        yield Variant("arm", arm, of=arm.name, log_choices=float(np.log(len(arms))))
+        yield Change("arm", of=arm.name, robot=arm, occam=float(np.log(len(arms))))
 
 
 @cache
@@ -125,30 +135,6 @@ _SUSPECTS = 10  # the same of what changes little
 _WORTH = 8.0  # of log evidence: a suspect so much below the best is not fitted
 _OFF_MM = 1.0  # a measurement that is wrong is off by no less
 _LARGEST = 1e300
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """One thing that may be wrong, and the positions `recorded` (N, n) or the `robot` that would be there
-    without it (None: as they are).
-
-    `joints` are numbered from 1: those concerned; of a twist the joints before and behind the link, or the
-    last one for the link that ends in the flange. `amount` is what is added to a zero (deg), the factor of
-    units, or how many times joint 2 is added to joint 3. `of` names the arm or the convention, `gone` the
-    places of measurements that are left out. `volume` is the
-    logarithm of the factor by which positions shrink, `occam` the price of what is chosen to suit the data.
-    """
-
-    cause: Cause
-    joints: tuple[int, ...] = ()
-    recorded: Matrix | None = None
-    amount: float = 0.0
-    of: str = ""
-    robot: Robot | None = None
-    gone: tuple[int, ...] = ()
-    targets: tuple[str, ...] = ()
-    volume: float = 0.0
-    occam: float = 0.0
 
 
 def changes(problem: Problem, x: Matrix) -> Iterator[Change]:
@@ -184,14 +170,8 @@ def changes(problem: Problem, x: Matrix) -> Iterator[Change]:
     every = placements(problem)
     for placement in every if len(every) > 1 else ():
         yield Change("placement", gone=tuple(placement.rows.tolist()), targets=placement.targets)
-    yield from map(_of_variant, file_variants(robot))
-    yield from map(_of_variant, other_arms(robot, siblings=True))
-
-
-def _of_variant(variant: Variant) -> Change:
-    return Change(
-        variant.cause, variant.joints, of=variant.of, robot=variant.robot, occam=variant.log_choices
-    )
+    yield from file_variants(robot)
+    yield from other_arms(robot, siblings=True)
 
 
 def _added(recorded: Matrix, joint: int, what: Matrix | float) -> Matrix:
@@ -351,7 +331,7 @@ def hypothesis_fits(problem: Problem, x: Matrix, slack: float) -> Iterator[Hypot
         *_of_suspects(problem, x),
     ]
     if not any(fit.agrees(slack) for fit in fits):
-        arms = list(map(_of_variant, other_arms(problem.robot, siblings=False)))
+        arms = list(other_arms(problem.robot, siblings=False))
         fits += _of_changes(problem, arms, len(every) + len(arms), most=1)
     yield from fits
 

@@ -265,7 +265,7 @@ class _Fitted:
 
     def _fit(self, solution: Solution, x: Matrix, places: list[int], at: list[int], out: list[int]) -> None:
         problem = self.problem
-        tcp = tcp_of(solution)
+        tcp, _ = default_point(problem, solution.status)
         points, joints, roots = fitted_points(problem, tcp, FITTED)
         position, by_arm = tool_point(problem, x, points, joints)
         arm = np.zeros(problem.parameters.arm.stop)
@@ -305,7 +305,8 @@ class TcpSpread:
 
     def __init__(self, solution: Solution) -> None:
         self.solution, self.problem = solution, solution.problem
-        self.joints, self.point = region_postures(self.problem, _POSTURES), tcp_of(solution)
+        self.joints = region_postures(self.problem, _POSTURES)
+        self.point, _ = default_point(self.problem, solution.status)
         self.position, self.jacobian = tool_point(self.problem, solution.fit.x, self.point, self.joints)
 
     @property
@@ -333,34 +334,26 @@ class TcpSpread:
         """(3, draws, P) mm by which the TCPs of those arms are off that of the mean arm."""
         return self._moved(self.jacobian)
 
-    def errors(self, arm: Matrix) -> Matrix:
-        """(draws, P) mm: of those arms, with a controller that has `arm` (a,) in its model."""
-        return self._lengths(self.spread, arm)
+    def errors(self, arm: Matrix, spread: Matrix | None = None) -> Matrix:
+        """(draws, P) mm: of those arms, with a controller that has `arm` (a,) in its model; `spread` (3,
+        draws, P) takes the place of theirs."""
+        apart = self.position - self.placed(arm)
+        # Axis by axis: a norm over the first of three axes takes several times as long.
+        squares = np.zeros((len(self.drawn), len(apart)))
+        for spread_along, off in zip(self.spread if spread is None else spread, apart.T, strict=True):
+            along = spread_along + off
+            squares += along * along
+        return np.asarray(np.sqrt(squares))
 
     def errors_at_best(self, fitted: _Fitted) -> Matrix:
         """(draws, P) mm: of those arms, each with the values entered that serve it best."""
         assert fitted.by_mean is not None
         _, by_entered = self.problem.functions.kernel("placed")(self.joints, fitted.arm, self.point)
-        return self._lengths(
-            self._moved(self.jacobian - by_entered[:, :, : len(fitted.arm)] @ fitted.by_mean), fitted.arm
-        )
+        by_arm = self.jacobian - by_entered[:, :, : len(fitted.arm)] @ fitted.by_mean
+        return self.errors(fitted.arm, self._moved(by_arm))
 
     def _moved(self, jacobian: Matrix) -> Matrix:
         return np.array([self.drawn @ jacobian[:, k].T for k in range(3)])
-
-    def _lengths(self, spreads: Matrix, arm: Matrix) -> Matrix:
-        apart = self.position - self.placed(arm)
-        # Axis by axis: a norm over the first of three axes takes several times as long.
-        squares = np.zeros(spreads.shape[1:])
-        for spread, off in zip(spreads, apart.T, strict=True):
-            along = spread + off
-            squares += along * along
-        return np.asarray(np.sqrt(squares))
-
-
-def tcp_of(solution: Solution) -> Matrix:
-    """(3,) mm in the flange frame: the tool's stated point, or as `default_point` says."""
-    return default_point(solution.problem, solution.status)[0]
 
 
 def _whole_values(solution: Solution) -> tuple[dict[str, float], dict[str, float]] | None:

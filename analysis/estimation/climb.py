@@ -332,7 +332,8 @@ class Climb:
             left = np.flatnonzero(~taken)
             rows = active[left]
             trial = v[rows] + length * _times(root[rows], step[left])
-            trial_value, trial_slope = self._value_and_slope(trial, of[rows], root[rows])
+            trial_value, by_v = self._slope(trial, of[rows])
+            trial_slope = _times(root[rows].transpose(0, 2, 1), by_v)
             # Near the top the values differ by rounding only: there the slope decides.
             size, before = _length(trial_slope), _length(slope[rows])
             good = (trial_value > value[rows]) | ((size < 0.5 * before) & (before < 2e-3))
@@ -341,11 +342,6 @@ class Climb:
             result[at], values[at], slopes[at] = trial[good], trial_value[good], trial_slope[good]
             length /= 4
         return taken, result, values, slopes
-
-    def _value_and_slope(self, v: Matrix, of: Index, root: Matrix) -> tuple[Matrix, Matrix]:
-        """(W,) log-posterior and (W, f) its gradient in the coordinates w of v = v0 + root w."""
-        value, slope = self._slope(v, of)
-        return value, _times(root.transpose(0, 2, 1), slope)
 
     def _slope(self, v: Matrix, of: Index) -> tuple[Matrix, Matrix]:
         """(W,) log-posterior and (W, f) its gradient in v, of data sets `of` (W,)."""

@@ -83,7 +83,9 @@ class FlangeCoordinates:
         parameters = self._problem.parameters
         z = (x - parameters.prior_mean) / parameters.prior_std
         if len(self._targets):
-            z[:, self._places] = self._targets_in_flange(x, of) / self._scale[:, None]
+            parts = self._problem.split(x)
+            (in_flange,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
+            z[:, self._places] = in_flange.reshape(len(x), -1, 3) / self._scale[:, None]
         return z[:, self._free]
 
     def to_parameters(self, v: Matrix, of: Index | None = None) -> Matrix:
@@ -132,12 +134,6 @@ class FlangeCoordinates:
         """(W, p) x but for the moved targets, and (W, moved, 3) mm these in the flange frame."""
         x = self._problem.parameters.prior_mean + v @ self._to_x
         return x, (v @ self._to_in_flange).reshape(len(v), len(self._targets), 3)
-
-    def _targets_in_flange(self, x: Matrix, of: Index | None) -> Matrix:
-        """(W, moved, 3) mm."""
-        parts = self._problem.split(x)
-        (in_flange,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
-        return in_flange.reshape(len(x), len(self._targets), 3)
 
     def _each(self, name: str, of: Index | None, arm: Matrix, points: Matrix) -> tuple[Matrix, ...]:
         """A function of joints, arm and a point, for every row and moved target."""

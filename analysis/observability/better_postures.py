@@ -204,13 +204,9 @@ class _Design:
         return variance(covariance, "A")
 
 
-def _value(design: _Design) -> float:
-    return design.value()
-
-
 def _better_half(designs: Sequence[_Design], count: int) -> list[_Design]:
     """Of those with so many measurements."""
-    same = sorted((one for one in designs if one.count == count), key=_value)
+    same = sorted((one for one in designs if one.count == count), key=_Design.value)
     return same[: -(-len(same) // 2)]
 
 

@@ -22,7 +22,7 @@ from .aim import Aimed, AimedPlan, aim_plan
 from .causes import JudgedRow, Tried, cause_for
 from .geometry_result import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
-from .outlook import Outlook, Prospect, Prospects, of_run_or_plan
+from .outlook import Outlook, Prospect, Prospects
 from .power import DetectionPower, powers
 from .predictions import (
     CurvePoint,
@@ -332,18 +332,16 @@ class Check:
             facts = replace(identified.facts, null_space=search.with_remedies(identified.facts.null_space))
             outlook = None
             if prospects is not None:
-                outlook = of_run_or_plan(
-                    Prospect(
-                        header=plan.header,
-                        problem=judged,
-                        x=at,
-                        status=identified.status,
-                        rests_on=identified.rests_on,
-                        covariance=covariance,
-                        estimated=False,
-                        prospects=prospects,
-                    )
-                )
+                outlook = Prospect(
+                    header=plan.header,
+                    problem=judged,
+                    x=at,
+                    status=identified.status,
+                    rests_on=identified.rests_on,
+                    covariance=covariance,
+                    estimated=False,
+                    prospects=prospects,
+                ).outlook()
         std = parameters.unscaled(np.sqrt(np.diag(covariance)))
         share = parameters.unscaled(tolerance_share(judged, covariance)) / parameters.prior_std
         rows = []

@@ -23,7 +23,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
-from ...model.instruments.kind import Assumption, Instrument
+from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Group, Parameter, Parameters
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
@@ -95,7 +95,9 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
     for each in problem.tool.each:
         yield Mechanism(offset(n - 1), OnAxis(each.name, n))
         if (carried := parameters.carried(each)).any() and free[n - 1]:
-            yield Mechanism(offset(n - 1) | carried, _tool_rotation(each, n))
+            # A free tool, or one within a stated sigma.
+            rotation = ToolRotation(each.name, n, each.known_to if each.calibrated else None)
+            yield Mechanism(offset(n - 1) | carried, rotation)
     for k in range(1, n):
         if free[k]:
             yield Mechanism(offset(k) | targets, _common_motion(problem, k))
@@ -108,11 +110,6 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
             yield Mechanism(offset(int(i)) | offset(int(j)) | targets, cause)
     if tool.any() and not problem.tool.calibrated:
         yield Mechanism(tool | targets, ToolAgainstTarget())
-
-
-def _tool_rotation(tool: Instrument, joint: int) -> ToolRotation:
-    """The last joint and the tool: free, or within a stated sigma."""
-    return ToolRotation(tool.name, joint, tool.known_to if tool.calibrated else None)
 
 
 def _common_motion(problem: Problem, k: int) -> CommonMotion:
@@ -250,7 +247,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     tolerated = parameters.tolerated[parameters.free]
     singular = judged.spectrum.of_all
     facts = Identifiability(
-        rank=_rank(tolerated, singular),
+        rank=int(tolerated.sum()) + int((singular >= _AS_KNOWN).sum()),
         size=len(tolerated),
         condition=None if judged.gauge.basis.shape[1] else float(singular.max() / singular.min()),
         observability=observability(singular, problem.shots),
@@ -342,10 +339,6 @@ def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, 
     return tuple(of_unit or some)
 
 
-def _rank(tolerated: Mask, singular: Matrix) -> int:
-    return int(tolerated.sum()) + int((singular >= _AS_KNOWN).sum())
-
-
 @dataclass(frozen=True, eq=False)
 class _Spectrum:
     """Of what has no tolerance: `directions` (m, k) outside the gauge and their singular values (k,), none
@@ -369,11 +362,6 @@ class _Spectrum:
     def std_of(self, rows: Matrix) -> Matrix:
         """(r,) the std of linear functions of the parameters, `rows` (r, m)."""
         return np.asarray(np.sqrt(((rows @ self.directions / self.singular) ** 2).sum(axis=1)))
-
-    @property
-    def share(self) -> Matrix:
-        """(m, k) the variance that each direction gives each parameter."""
-        return np.asarray((self.directions / self.singular) ** 2)
 
 
 def _stds(marginal: Marginal, spectrum: _Spectrum, tolerated: Mask) -> Matrix:
@@ -516,7 +504,8 @@ def _noise_directions(judged: _Judged) -> list[NullDirection]:
     """Directions that the noise hides: worse than the prior, or the main cause of a poor offset."""
     spectrum, gauge, items = judged.spectrum, judged.gauge, judged.untolerated
     status = [judged.status[i] for i in np.flatnonzero(judged.problem.parameters.untolerated)]
-    share = spectrum.share
+    # (m, k) the variance that each direction gives each parameter.
+    share = (spectrum.directions / spectrum.singular) ** 2
     chosen: dict[int, list[int]] = {int(k): [] for k in np.flatnonzero(spectrum.singular < _AS_KNOWN)}
     for row, (item, state) in enumerate(zip(items, status, strict=True)):
         poor = state in ("weak", "unidentifiable") and not (gauge.part[row] or gauge.exact_part[row])

@@ -31,7 +31,6 @@ from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...model.options import USUAL_REPEATS
 from ...model.records import it, key, record
-from ..estimation.threads import one_blas_thread
 from ..status import Status, known
 from ..tcp_region import TcpRegion, beside_first_axis, region_of
 from .better_postures import PostureSearch
@@ -251,7 +250,7 @@ class Prospects(NamedTuple):
     allowed: Allowed
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True)
 class Prospect:
     """What remedies are looked for: the aimed measurements of a `problem` at x (p,), parameters of this
     `status` (p,) with the `covariance` (f, f) of the scaled free ones; `rests_on` by the name of an offset
@@ -260,7 +259,7 @@ class Prospect:
     `estimated`: x are the estimates of a run. New postures are such as the `prospects` say. `weight` is
     1 / noise scale², `dof` the degrees of freedom by which that is estimated. `tcp` and `tcp_with_links` are
     the errors of the TCP, mm, that a run's answer states with its values entered: the answer as it is has
-    them too.
+    them too. Predicted in one thread of linear algebra (`one_blas_thread`), which callers see to.
     """
 
     header: Header
@@ -277,10 +276,27 @@ class Prospect:
     tcp: MedianAnd95 | None = None
     tcp_with_links: MedianAnd95 | None = None
 
-    @cached_property
-    def items(self) -> list[Parameter]:
-        """The f free parameters."""
-        return [item for item in self.problem.parameters.items if not item.held]
+    def __post_init__(self) -> None:
+        items = [item for item in self.problem.parameters.items if not item.held]
+        self.items: list[Parameter] = items  # the f free parameters
+        self.shown = np.array([item.prior_std * item.display for item in items])
+        self.offsets = np.flatnonzero([item.group == "offset" for item in items])
+        rests_on = [self.rests_on.get(item.name, ()) for item in items]
+        self.resting = np.flatnonzero([bool(some) for some in rests_on])
+        # What is exact has no parameters to be judged without: what rests on it does so in any postures.
+        self.never = np.flatnonzero([any(one.std is None for one in some) for some in rests_on])
+        known_now = np.array([known(status) for status in self.status], dtype=np.bool_)
+        self.known_now: Mask = known_now[self.problem.parameters.free]
+        by_hand = float(np.mean([kind.minutes for kind in self.header.kinds.values()]))
+        self.count = self.problem.shots - len(repeated(self.problem))
+        self.each = by_hand if self.minutes_each is None else self.minutes_each
+        self.forecast = TcpForecast(self.problem, self.x, self.status)
+        mean, covariance = np.zeros(len(items)), np.eye(len(items))
+        if self.estimated:
+            parameters = self.problem.parameters
+            mean = ((self.x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+            covariance = self.covariance
+        self.belief = ArmBelief(self.problem, mean, covariance, self.dof if self.estimated else None)
 
     @cached_property
     def roots(self) -> Matrix:
@@ -288,37 +304,8 @@ class Prospect:
         whitened = self.problem.whiten(self.x)
         return np.asarray(np.sqrt(self.weight) * roots_with_ties(self.problem, whitened))
 
-
-def of_run_or_plan(prospect: Prospect) -> Outlook | None:
-    """The remedies; None where no offset is estimated."""
-    with one_blas_thread():
-        return _Remedies(prospect).outlook()
-
-
-class _Remedies:
-    def __init__(self, prospect: Prospect) -> None:
-        self.of, self.problem = prospect, prospect.problem
-        items = prospect.items
-        self.shown = np.array([item.prior_std * item.display for item in items])
-        self.offsets = np.flatnonzero([item.group == "offset" for item in items])
-        rests_on = [prospect.rests_on.get(item.name, ()) for item in items]
-        self.resting = np.flatnonzero([bool(some) for some in rests_on])
-        # What is exact has no parameters to be judged without: what rests on it does so in any postures.
-        self.never = np.flatnonzero([any(one.std is None for one in some) for some in rests_on])
-        known_now = np.array([known(status) for status in prospect.status], dtype=np.bool_)
-        self.known_now: Mask = known_now[self.problem.parameters.free]
-        by_hand = float(np.mean([kind.minutes for kind in prospect.header.kinds.values()]))
-        self.count = self.problem.shots - len(repeated(self.problem))
-        self.each = by_hand if prospect.minutes_each is None else prospect.minutes_each
-        self.forecast = TcpForecast(self.problem, prospect.x, prospect.status)
-        if prospect.estimated:
-            parameters = self.problem.parameters
-            mean = ((prospect.x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
-            self.belief = ArmBelief(self.problem, mean, prospect.covariance, prospect.dof)
-        else:
-            self.belief = ArmBelief(self.problem, np.zeros(len(items)), np.eye(len(items)))
-
     def outlook(self) -> Outlook | None:
+        """The remedies; None where no offset is estimated."""
         if not len(self.offsets):
             return None
         now = self.now
@@ -326,33 +313,33 @@ class _Remedies:
         rows += [*self.by_mounting(), *self.by_links()]
         rows = [row for row in rows if row.gain > 0]
         rows.sort(key=lambda row: (_LAST.get(row.remedy, 0), -round(row.gain, 2), row.minutes))
-        required = self.of.header.required
+        required = self.header.required
+        u_mm = None
+        if now.tcp_95_mm is not None:
+            u_mm = float(np.sqrt(np.trace(self.covariance @ self.forecast.mean_square)))
         return Outlook(
             now=now,
             remedies=tuple(rows),
             region=region_of(self.problem.workspace),
             minutes_each=self.each,
-            measured=self.of.minutes_each is not None,
+            measured=self.minutes_each is not None,
             required_mm=None if required is None else required.tcp_mm,
             enough={
                 item.name: COVERAGE * item.tolerance * item.display
-                for item in self.of.items
+                for item in self.items
                 if item.group == "offset"
             },
-            u_mm=None if now.tcp_95_mm is None else self._tcp_u(self.of.covariance),
+            u_mm=u_mm,
             next_postures=tuple(self.next_postures()),
         )
 
-    def _tcp_u(self, covariance: Matrix) -> float:
-        return float(np.sqrt(np.trace(covariance @ self.forecast.mean_square)))
-
     def next_postures(self) -> Iterator[NextPosture]:
         """Of a run whose TCP error is known."""
-        search, of = self.search, self.of
-        if search is None or not of.estimated or self.now.tcp_95_mm is None:
+        search = self.search
+        if search is None or not self.estimated or self.now.tcp_95_mm is None:
             return
         pool, display = search.pool, self.problem.robot.display
-        for which, square in search.next_best(of.covariance, self.forecast.mean_square, _NEXT):
+        for which, square in search.next_best(self.covariance, self.forecast.mean_square, _NEXT):
             joints = pool.joints[which]
             at_posture = self.forecast.places(joints[None])
             (at,) = at_posture.round(1).tolist()
@@ -369,10 +356,9 @@ class _Remedies:
     def search(self) -> PostureSearch | None:
         """Of new postures; None of several instruments, whose numbers are for people to divide, and of many
         measurements."""
-        of = self.of
-        if len(of.header.labels) > 1 or self.count > _MOST:
+        if len(self.header.labels) > 1 or self.count > _MOST:
             return None
-        return PostureSearch(self.problem, of.x, of.header.targets, of.prospects.allowed, of.weight)
+        return PostureSearch(self.problem, self.x, self.header.targets, self.prospects.allowed, self.weight)
 
     @cached_property
     def better(self) -> dict[int, Matrix]:
@@ -394,61 +380,62 @@ class _Remedies:
 
     @cached_property
     def now(self) -> OutlookRow:
-        of, covariance = self.of, self.of.covariance
-        if of.estimated:
+        covariance = self.covariance
+        if self.estimated:
             estimates = EstimatesOfArms.made(self.belief)
         else:
-            estimates = EstimatesOfArms.of_new_run(self.belief, covariance, of.roots)
+            estimates = EstimatesOfArms.of_new_run(self.belief, covariance, self.roots)
         row = self._row("none", self.count, covariance, estimates, self.known_now, 0.0)
-        if row.tcp_95_mm is not None and of.tcp is not None:
-            row = replace(row, tcp_median_mm=of.tcp[0], tcp_95_mm=of.tcp[1])
-        if row.links_95_mm is not None and of.tcp_with_links is not None:
-            row = replace(row, links_median_mm=of.tcp_with_links[0], links_95_mm=of.tcp_with_links[1])
+        if row.tcp_95_mm is not None and self.tcp is not None:
+            row = replace(row, tcp_median_mm=self.tcp[0], tcp_95_mm=self.tcp[1])
+        if row.links_95_mm is not None and self.tcp_with_links is not None:
+            row = replace(row, links_median_mm=self.tcp_with_links[0], links_95_mm=self.tcp_with_links[1])
         return row
 
     def by_postures(self) -> Iterator[OutlookRow]:
         """As many measurements, and more, in the best postures."""
         for shots, roots in self.better.items():
             remedy: Remedy = "postures" if shots == self.count else "more"
-            options = ("--shots", str(shots), *constraint_options(self.of.prospects.constraints))
+            options = ("--shots", str(shots), *constraint_options(self.prospects.constraints))
             yield self._of_new_run(remedy, shots, roots, options)
 
     def by_repeating(self) -> Iterator[OutlookRow]:
         """The first postures again at the end. What they do not determine, they do not determine again."""
         if self.count == self.problem.shots <= _MOST:
-            again = _with_repeats(self.of.roots)
+            again = _with_repeats(self.roots)
             yield self._of_new_run("repeat", self.count, again, (), may_be=self.known_now)
 
     def by_points(self) -> Iterator[OutlookRow]:
         """A point of the flange is measured in some of the postures as well; they are driven to once more."""
-        of, again = self.of, repeated(self.problem)
-        if not of.header.only_tools or self.count > _MOST:
+        again = repeated(self.problem)
+        if not self.header.only_tools or self.count > _MOST:
             return
         among = np.setdiff1d(np.arange(self.problem.shots), list(again))
-        points = best_points(self.problem, of.x, of.covariance, self.improvable, among, of.weight)
+        points = best_points(self.problem, self.x, self.covariance, self.improvable, among, self.weight)
         if points is None:
             return
-        information = np.linalg.inv(of.covariance) + points.roots.T @ points.roots
+        information = np.linalg.inv(self.covariance) + points.roots.T @ points.roots
         covariance: Matrix = np.asarray(np.linalg.inv(information), dtype=float)
-        every = np.concatenate([of.roots.reshape(-1, len(covariance)), points.roots])
-        estimates = EstimatesOfArms.of_more(self.belief, covariance, points.roots if of.estimated else every)
+        every = np.concatenate([self.roots.reshape(-1, len(covariance)), points.roots])
+        estimates = EstimatesOfArms.of_more(
+            self.belief, covariance, points.roots if self.estimated else every
+        )
         determined = self.known_now | self._determined(every[:, None])
         row = self._row("points", self.count, covariance, estimates, determined, POINTS_MIN)
         yield replace(row, postures=tuple(self.problem.shot_numbers[k] for k in points.rows.tolist()))
 
     def by_mounting(self) -> Iterator[OutlookRow]:
         """What is assumed of the instruments is measured and stated."""
-        of = self.of
-        assumed = {one for some in of.rests_on.values() for one in some if not one.stated and one.std}
+        assumed = {one for some in self.rests_on.values() for one in some if not one.stated and one.std}
         if not assumed:
             return
         parts = {(one.of, one.unit) for one in assumed}
-        at = [k for k, item in enumerate(of.items) if item.assumed and (item.of, item.unit) in parts]
-        added = np.zeros(len(of.items))
+        at = [k for k, item in enumerate(self.items) if item.assumed and (item.of, item.unit) in parts]
+        added = np.zeros(len(self.items))
         added[at] = _CLOSER**2 - 1
-        covariance = np.linalg.inv(np.linalg.inv(of.covariance) + np.diag(added))
+        covariance = np.linalg.inv(np.linalg.inv(self.covariance) + np.diag(added))
         now, resting = self.now, np.isin(np.arange(len(added)), self.resting)
-        largest, before = (self._largest(each, self.resting) for each in (covariance, of.covariance))
+        largest, before = (self._largest(each, self.resting) for each in (covariance, self.covariance))
         yield OutlookRow(
             remedy="mounting",
             shots=self.count,
@@ -497,7 +484,7 @@ class _Remedies:
     def _determined(self, roots: Matrix) -> Mask:
         """(f,) what measurements with these roots (N, d, f) determine with nothing known but the tolerances,
         those that are assumed of tool and frames not among them."""
-        known_to = np.array([item.tolerated and not item.assumed for item in self.of.items])
+        known_to = np.array([item.tolerated and not item.assumed for item in self.items])
         covariance = _inverse(roots, np.where(known_to, 1.0, _NOTHING))
         determined = np.sqrt(np.diag(covariance)) <= _DETERMINED
         determined[self.never] = False
@@ -517,7 +504,7 @@ class _Remedies:
         largest = self._largest(covariance, self.improvable)
         gain = 0.0
         if remedy != "none":
-            gain = self._gain(largest, self._largest(self.of.covariance, self.improvable))
+            gain = self._gain(largest, self._largest(self.covariance, self.improvable))
             before = self.now.tcp_95_mm
             if tcp is not None and before is not None:
                 gain = max(gain, self._gain(tcp[1], before))
@@ -538,11 +525,11 @@ class _Remedies:
         self, covariance: Matrix, determined: Mask, which: Sequence[int]
     ) -> dict[str, float | None]:
         u = COVERAGE * np.sqrt(np.diag(covariance)) * self.shown
-        return {self.of.items[k].name: float(u[k]) if determined[k] else None for k in sorted(which)}
+        return {self.items[k].name: float(u[k]) if determined[k] else None for k in sorted(which)}
 
     def _largest(self, covariance: Matrix, which: Index) -> float:
         """The largest std of some offsets, in tolerances; of what is not determined that of the prior."""
-        tolerance = np.array([item.tolerance / item.prior_std for item in self.of.items])
+        tolerance = np.array([item.tolerance / item.prior_std for item in self.items])
         return float((np.sqrt(np.diag(covariance)) / tolerance)[which].max(initial=0.0))
 
     @staticmethod

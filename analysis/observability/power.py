@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import scipy
@@ -192,18 +192,6 @@ def _exchanged(form: Matrix, second: Mask) -> tuple[float, tuple[Index, Index]]:
         second[first[enter]], second[chosen[leave]] = True, False
 
 
-class _Power(NamedTuple):
-    """Of a chi-squared of so many degrees of freedom, against a `limit`, by the noncentrality at a size."""
-
-    limit: float
-    dof: int
-    noncentrality: float
-
-    def at(self, times: Matrix) -> Matrix:
-        """The probability that it is beyond the limit at so many times that size."""
-        return np.asarray(1 - scipy.special.chndtr(self.limit, self.dof, self.noncentrality * times**2))
-
-
 class _Powers:
     """The wrong models of a run."""
 
@@ -232,18 +220,19 @@ class _Powers:
 
     def rows(self) -> Iterator[DetectionPower]:
         """Each with a joint, a target and a direction, those of the largest risk."""
-        problem = self._biases.problem
+        biases, problem = self._biases, self._biases.problem
         if shifts := tool_items(problem, "mm"):
             yield self._along("tool", TOOL_MM, "mm", shifts)
         if tilts := tool_items(problem, "deg"):
             yield self._along("beam", BEAM_DEG, "deg", tilts)
-        if len(arm := _tolerated_arm(problem)):
+        if len(arm := np.flatnonzero(problem.parameters.group("geometry") & problem.parameters.free)):
             yield self._of_arm(arm)
         yield from self.of_the_run()
-        joints = revolute(problem)
-        yield self._of_reading()
-        if joints:
-            yield self._of_typing(joints)
+        off = biases.by_spot @ _directions_of(problem.tool.lengths, biases.by_spot.shape[2])
+        yield self._of_one("reading", READING_MM, "mm", off * READING_MM)
+        if joints := revolute(problem):
+            off = biases.by_joints[:, :, joints] * np.radians(TYPING_DEG)
+            yield self._of_one("typing", TYPING_DEG, "deg", off)
             yield self._of_backlash(joints)
         yield self._of_noise()
 
@@ -292,18 +281,6 @@ class _Powers:
             square, u = (np.concatenate(parts, axis=-1) for parts in zip(*every, strict=True))
             yield self._worst("moved", MOVED_MM, "mm", square, u, directed=(limit, 3))
 
-    def _of_reading(self) -> DetectionPower:
-        """One measurement that is off, in the worst direction."""
-        biases = self._biases
-        lengths = biases.problem.tool.lengths
-        parts = biases.by_spot @ _directions_of(lengths, biases.by_spot.shape[2]) * READING_MM
-        return self._of_one("reading", READING_MM, "mm", parts)
-
-    def _of_typing(self, joints: list[int]) -> DetectionPower:
-        """One joint of one measurement."""
-        parts = self._biases.by_joints[:, :, joints] * np.radians(TYPING_DEG)
-        return self._of_one("typing", TYPING_DEG, "deg", parts)
-
     def _of_one(self, wrong: WrongModel, size: float, unit: str, parts: Matrix) -> DetectionPower:
         """One measurement alone that is off by one of its columns (N, d, k)."""
         roots = self._biases.roots
@@ -332,12 +309,14 @@ class _Powers:
         best = np.argsort(-(off**2) / np.maximum(squares, 1e-12))[:_LOOKED_AT]
         cases, most = [], _LARGEST[wrong] / size
         for k in {*best.tolist(), int(np.argmax(off))}:
-            powers = _Power(self._limit, self._dof, float(squares[k]))
-            alone = None if directed is None else _Power(*directed, float(left[k]))
+            tests = [(self._limit, self._dof, float(squares[k]))]
+            if directed is not None:
+                tests.append((*directed, float(left[k])))
             joint = None if joints is None else joints[k] + 1
 
-            def power(times: Matrix, powers: _Power = powers, alone: _Power | None = alone) -> Matrix:
-                return powers.at(times) if alone is None else np.maximum(powers.at(times), alone.at(times))
+            def power(times: Matrix, tests: list[tuple[float, int, float]] = tests) -> Matrix:
+                beyond = [1 - scipy.special.chndtr(limit, dof, b * times**2) for limit, dof, b in tests]
+                return np.asarray(np.max(beyond, axis=0))
 
             risk, worst = _risk(power, float(off[k]), most, lambda error: _beyond(error, 1.0))
             times = _hidden(power, most)
@@ -516,11 +495,6 @@ def _second_half(shots: int) -> Matrix:
 
 def _steady(shots: int) -> Matrix:
     return np.linspace(0.0, 1.0, shots)
-
-
-def _tolerated_arm(problem: Problem) -> Index:
-    """The places of the geometry that has a tolerance."""
-    return np.flatnonzero(problem.parameters.group("geometry") & problem.parameters.free)
 
 
 def _directions(size: int) -> Matrix:

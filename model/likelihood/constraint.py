@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal
 
 import casadi as ca
@@ -117,9 +117,9 @@ class ShotFunctions:
         return Posture(self.robot, self.geometry)
 
     @cached_property
-    def weighted(self) -> _Weighted:
+    def weighted(self) -> _Shot:
         """Those of the terms of the log-likelihood."""
-        return _Weighted(self)
+        return _Shot(self)
 
     def function(self, name: str) -> ca.Function:
         """The function of that name."""
@@ -201,7 +201,8 @@ def residual(
 
 
 class _Shot:
-    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions)."""
+    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions);
+    with its noise the covariance of the residual, and the two terms of the log-likelihood."""
 
     def __init__(self, functions: ShotFunctions) -> None:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
@@ -222,31 +223,9 @@ class _Shot:
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
         self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
+        self._weigh(functions)
 
-    @property
-    def free(self) -> ca.SX:
-        return ca.vertcat(self.arm, self.target, self.unknown)
-
-
-def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
-    """With names for inputs and outputs; outputs are dense, and what they share is computed once."""
-    values = ca.cse([ca.densify(value) for value in outputs.values()])
-    return ca.Function(name, list(inputs.values()), values, list(inputs), list(outputs))
-
-
-def _linear(functions: ShotFunctions) -> ca.Function:
-    posture, shot = functions.posture, functions.weighted
-    others = {"data": shot.data, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
-    at_turns = ca.Function("shot", [shot.recorded, *others.values()], [shot.residual, shot.jacobian])
-    residual, jacobian = at_turns(posture.recorded, *others.values())
-    return _function("linear", {"q": posture.q, **others}, {"m": residual, "jacobian": jacobian})
-
-
-class _Weighted(_Shot):
-    """A shot with its noise: covariance of the residual, and the two terms of the log-likelihood."""
-
-    def __init__(self, functions: ShotFunctions) -> None:
-        super().__init__(functions)
+    def _weigh(self, functions: ShotFunctions) -> None:
         n, layout = functions.robot.n, functions.tool.layout
         sources = n + len(functions.tool.noises)
         self.weight = ca.SX.sym("weight")
@@ -294,6 +273,20 @@ class _Weighted(_Shot):
         }
 
 
+def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    """With names for inputs and outputs; outputs are dense, and what they share is computed once."""
+    values = ca.cse([ca.densify(value) for value in outputs.values()])
+    return ca.Function(name, list(inputs.values()), values, list(inputs), list(outputs))
+
+
+def _linear(functions: ShotFunctions) -> ca.Function:
+    posture, shot = functions.posture, functions.weighted
+    others = {"data": shot.data, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
+    at_turns = ca.Function("shot", [shot.recorded, *others.values()], [shot.residual, shot.jacobian])
+    residual, jacobian = at_turns(posture.recorded, *others.values())
+    return _function("linear", {"q": posture.q, **others}, {"m": residual, "jacobian": jacobian})
+
+
 def _terms(functions: ShotFunctions) -> ca.Function:
     shot = functions.weighted
     return _function("terms", shot.inputs, {"quad": shot.quad, "logdet": shot.logdet})
@@ -301,7 +294,10 @@ def _terms(functions: ShotFunctions) -> ca.Function:
 
 def _slopes(functions: ShotFunctions) -> ca.Function:
     shot, n = functions.weighted, functions.robot.n
-    gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
+    gradients = [
+        ca.gradient(value, ca.vertcat(shot.arm, shot.target, shot.unknown))
+        for value in (shot.quad, shot.logdet)
+    ]
     of_factor = range(len(shot.by_noise)) if functions.of_factor is None else functions.of_factor
     count = max(of_factor) + 1
     noise_information = ca.SX(count * (count + 1) // 2, 1)
@@ -337,70 +333,40 @@ def _of_factors(by_noise: Sequence[ca.SX], of_factor: Sequence[int]) -> list[ca.
     return [sum(some[1:], some[0]) for some in every]
 
 
-def _visible(functions: ShotFunctions) -> ca.Function:
-    posture, target = functions.posture, ca.SX.sym("target", 3)
-    return _function("seen", posture.inputs(target=target), {"y": posture.flange.in_flange(target)})
-
-
-def _sighted(functions: ShotFunctions) -> ca.Function:
-    posture, target = functions.posture, ca.SX.sym("target", 3)
-    y = posture.flange.in_flange(target)
-    outputs = {"y": y, "jacobian": ca.jacobian(y, posture.q)}
-    return _function("sighted", posture.inputs(target=target), outputs)
-
-
-def _position(functions: ShotFunctions) -> ca.Function:
-    posture, y = functions.posture, ca.SX.sym("y", 3)
-    return _function("place", posture.inputs(y=y), {"target": posture.flange.in_base(y)})
-
-
-def _placed(functions: ShotFunctions) -> ca.Function:
-    posture, y = functions.posture, ca.SX.sym("y", 3)
-    target = posture.flange.in_base(y)
-    outputs = {"target": target, "jacobian": ca.jacobian(target, ca.vertcat(posture.arm, y))}
-    return _function("placed", posture.inputs(y=y), outputs)
-
-
-def _beam(functions: ShotFunctions) -> ca.Function:
+def _of_posture(functions: ShotFunctions, name: str) -> ca.Function:
+    """A function of the posture, and of symbols that it takes besides."""
     posture, tool = functions.posture, functions.tool
-    unknown = ca.SX.sym("tool", len(tool.unknowns))
-    origin, direction = posture.beam(tool, unknown)
-    return _function("beam", posture.inputs(tool=unknown), {"origin": origin, "direction": direction})
-
-
-def _hit(functions: ShotFunctions) -> ca.Function:
-    posture, unknown = functions.posture, ca.SX.sym("tool", len(functions.tool.unknowns))
-    centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
-    origin, direction = posture.beam(functions.tool, unknown)
-    length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
-    hit = origin + length * direction
-    inputs = posture.inputs(tool=unknown, centre=centre, normal=normal)
-    outputs = {"point": hit, "length": length, "jacobian": ca.jacobian(hit, posture.q)}
-    return _function("hit", inputs, outputs)
-
-
-def _flange(functions: ShotFunctions) -> ca.Function:
-    posture = functions.posture
-    rotation, translation = posture.flange.rotation, posture.flange.translation
-    return _function("flange", posture.inputs(), {"flange": ca.horzcat(rotation, translation)})
-
-
-def _predicted(functions: ShotFunctions) -> ca.Function:
-    posture, tool = functions.posture, functions.tool
+    target, y, centre, normal = (ca.SX.sym(symbol, 3) for symbol in ("target", "y", "centre", "normal"))
     unknown, reading = ca.SX.sym("tool", len(tool.unknowns)), ca.SX.sym("reading", tool.reading_size)
-    target = ca.SX.sym("target", 3)
-    outputs = {"predicted": tool.predicted(posture.flange, target, unknown, reading, tool.variants[0])}
-    return _function("predicted", posture.inputs(target=target, tool=unknown, reading=reading), outputs)
-
-
-def _skeleton(functions: ShotFunctions) -> ca.Function:
-    posture = functions.posture
-    return _function("skeleton", posture.inputs(), {"points": posture.robot.skeleton(posture.theta)})
-
-
-def _axes(functions: ShotFunctions) -> ca.Function:
-    posture = functions.posture
-    return _function("axes", posture.inputs(), {"axes": posture.robot.axes(posture.theta)})
+    others: dict[str, ca.SX] = {}
+    match name:
+        case "seen" | "sighted":
+            others, outputs = {"target": target}, {"y": posture.flange.in_flange(target)}
+            if name == "sighted":
+                outputs["jacobian"] = ca.jacobian(outputs["y"], posture.q)
+        case "place" | "placed":
+            others, outputs = {"y": y}, {"target": posture.flange.in_base(y)}
+            if name == "placed":
+                outputs["jacobian"] = ca.jacobian(outputs["target"], ca.vertcat(posture.arm, y))
+        case "beam":
+            origin, direction = posture.beam(tool, unknown)
+            others, outputs = {"tool": unknown}, {"origin": origin, "direction": direction}
+        case "hit":
+            origin, direction = posture.beam(tool, unknown)
+            length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
+            hit = origin + length * direction
+            others = {"tool": unknown, "centre": centre, "normal": normal}
+            outputs = {"point": hit, "length": length, "jacobian": ca.jacobian(hit, posture.q)}
+        case "predicted":
+            others = {"target": target, "tool": unknown, "reading": reading}
+            outputs = {name: tool.predicted(posture.flange, target, unknown, reading, tool.variants[0])}
+        case "flange":
+            outputs = {name: ca.horzcat(posture.flange.rotation, posture.flange.translation)}
+        case "skeleton":
+            outputs = {"points": posture.robot.skeleton(posture.theta)}
+        case _:
+            outputs = {"axes": posture.robot.axes(posture.theta)}
+    return _function(name, posture.inputs(**others), outputs)
 
 
 def _midpoint(functions: ShotFunctions) -> ca.Function:
@@ -429,18 +395,10 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "linear": _linear,
     "terms": _terms,
     "slopes": _slopes,
-    "seen": _visible,
-    "sighted": _sighted,
-    "place": _position,
-    "placed": _placed,
-    "beam": _beam,
-    "hit": _hit,
-    "skeleton": _skeleton,
-    "axes": _axes,
     "midpoint": _midpoint,
-    "flange": _flange,
-    "predicted": _predicted,
 }
+_OF_POSTURE = ("seen", "sighted", "place", "placed", "beam", "hit", "predicted", "flange", "skeleton", "axes")
+_BUILT_BY |= {name: partial(_of_posture, name=name) for name in _OF_POSTURE}
 
 
 def _cholesky(covariance: ca.SX) -> ca.SX:

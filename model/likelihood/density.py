@@ -13,7 +13,6 @@ import numpy as np
 
 from ..arrays import Index, Matrix
 from .c_source import GridInput, Offsets, columns, constant, per_both, per_inner, per_outer
-from .kernel import Kernel
 from .problem import Problem
 
 
@@ -28,12 +27,14 @@ class Slopes(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Of one target: `free` (m,) the columns among the free parameters, `local` (m,) among those of a shot.
+    """Of one target: its `shots`; `free` (m,) the columns among the free parameters, `local` (m,) among those
+    of a shot.
 
     `pairs` and `lower`: where each pair of the r of the residual is among the f * f of an information, and in
     the lower triangle of that of a shot, row by row; `noise_pairs` and `noise_lower` those of the noise
     factors."""
 
+    shots: Index
     free: slice | Index
     local: slice | Index
     pairs: slice | Index
@@ -44,7 +45,7 @@ class _Block(NamedTuple):
 
 class Density:
     """Log-posterior of B data sets: `joints` (B, N, n), `spots` (B, N, d) and `readings` (B, N, w), the
-    problem's own by default.
+    problem's own by default. `size` f is the number of free parameters.
 
     `weights` (B, N) multiply what each shot adds (0 leaves it out); the problem's own by default.
     """
@@ -66,18 +67,16 @@ class Density:
         if problem.tool.reading_size:
             read = np.broadcast_to(self.readings, (len(self.spots), *problem.readings.shape))
             self._data = np.concatenate([self.spots, read], axis=2)
+        parameters = problem.parameters
+        self._free = np.flatnonzero(parameters.free)
+        self._free_columns = together(self._free)
+        self._mean, self._scale = parameters.prior_mean[self._free], parameters.prior_std[self._free]
+        self._scale_squared = np.outer(self._scale, self._scale)
+        self.size = len(self._free)
+        self._kernel = problem.functions.kernel
         self._kept: dict[int | None, list[GridInput]] = {}  # by target, where they are those of every row
         self._stated: dict[int, GridInput] = {}  # by the number of shots
         self._columns: dict[int | None, tuple[Offsets, Offsets, Offsets]] = {}  # by target
-
-    @property
-    def _single(self) -> bool:
-        return len(self.joints) == len(self.spots) == len(self.weights) == 1
-
-    @cached_property
-    def size(self) -> int:
-        """f: the number of free parameters."""
-        return len(self._free)
 
     def weighted(self, weights: Matrix) -> Density:
         """The same data with weights (B, N) times those of the problem."""
@@ -111,7 +110,7 @@ class Density:
 
     def scaled(self, x: Matrix) -> Matrix:
         """z (W, f): the free parameters in prior stds from their prior means."""
-        return np.asarray((x[:, self._free_slice] - self._mean) / self._scale)
+        return np.asarray((x[:, self._free_columns] - self._mean) / self._scale)
 
     def quads(self, x: Matrix) -> Matrix:
         """(N,) m' S^-1 m of every shot at one x (p,), unweighted; data set 0."""
@@ -153,9 +152,8 @@ class Density:
         flat = np.zeros((rows if with_information else 0, size * size))
         with_log_det = problem.functions.log_det != "none"
         for k, block in enumerate(self._blocks):
-            shots = self._shots_of[k]
-            inputs = self._grid(x, of, shots, k)
-            sums = self._kernel("slopes").sums(inputs, rows, len(shots), gram=with_information)
+            inputs = self._grid(x, of, block.shots, k)
+            sums = self._kernel("slopes").sums(inputs, rows, len(block.shots), gram=with_information)
             quad += sums[0]
             by_quad[:, block.free] += sums[2][:, block.local]
             if with_log_det:
@@ -213,9 +211,6 @@ class Density:
         residual, _ = self.problem.tie_rows(x)
         return np.asarray((residual**2).sum(axis=1))
 
-    def _kernel(self, name: str) -> Kernel:
-        return self.problem.functions.kernel(name)
-
     def _grid(
         self,
         x: Matrix,
@@ -227,7 +222,7 @@ class Density:
         problem = self.problem
         x = np.ascontiguousarray(x)
         count = problem.shots if shots is None else len(shots)
-        kept = of is None or self._single
+        kept = of is None or len(self.joints) == len(self.spots) == len(self.weights) == 1
         if kept and target in self._kept:
             recorded = self._kept[target]
         else:
@@ -265,40 +260,15 @@ class Density:
         return [per_outer(self.problem.variances(x), count), as_stated]
 
     @cached_property
-    def _free(self) -> Index:
-        return np.flatnonzero(self.problem.parameters.free)
-
-    @cached_property
-    def _scale(self) -> Matrix:
-        """(f,) prior stds of the free parameters."""
-        return self.problem.parameters.prior_std[self._free]
-
-    @cached_property
-    def _mean(self) -> Matrix:
-        """(f,) prior means of the free parameters."""
-        return self.problem.parameters.prior_mean[self._free]
-
-    @cached_property
-    def _free_slice(self) -> slice | Index:
-        """The free columns, as a slice where they are contiguous: that spares a copy."""
-        return together(self._free)
-
-    @cached_property
     def _turns(self) -> Matrix:
         return self.problem.geometry.recorded(self.problem.robot, self.joints)
-
-    @cached_property
-    def _shots_of(self) -> list[Index]:
-        """Per target the index of its shots."""
-        problem = self.problem
-        return [np.flatnonzero(problem.target_index == k) for k in range(len(problem.targets))]
 
     @cached_property
     def _blocks(self) -> list[_Block]:
         """Per target the places of the slopes of its shots among the free parameters."""
         parameters, blocks = self.problem.parameters, []
         for k in range(len(self.problem.targets)):
-            columns = parameters.of_shot(k)
+            shots, columns = np.flatnonzero(self.problem.target_index == k), parameters.of_shot(k)
             local = np.flatnonzero(parameters.free[columns])
             size = len(parameters.of_shot(k, noise=False))
             of_residual, noise = local[local < size], local[local >= size] - size
@@ -307,16 +277,9 @@ class Density:
                 together((part[:, None] * self.size + part).reshape(-1))
                 for part in (free[: len(of_residual)], free[len(of_residual) :])
             )
-            blocks.append(
-                _Block(
-                    together(free), together(local), pairs, _lower(of_residual), noise_pairs, _lower(noise)
-                )
-            )
+            places = (together(free), together(local), pairs, _lower(of_residual), noise_pairs, _lower(noise))
+            blocks.append(_Block(shots, *places))
         return blocks
-
-    @cached_property
-    def _scale_squared(self) -> Matrix:
-        return np.outer(self._scale, self._scale)
 
 
 def together(places: Index) -> slice | Index:

@@ -321,25 +321,22 @@ class Kernel:
         if rows == 0:
             return np.zeros((0, sum(self._out)))
         with self._alone:
-            return self._by_machine(inputs, rows, gram)
-
-    def _by_machine(self, inputs: Sequence[Matrix], rows: int, gram: bool) -> Matrix:
-        if rows not in self._buffers:
-            if len(self._buffers) == _MOST_BUFFERS:
-                self._buffers.pop(next(iter(self._buffers)))
-            self._buffers[rows] = _Buffers.of(self.function, rows)
-        buffers = self._buffers[rows]
-        for array, values in zip(buffers.inputs, inputs, strict=True):
-            array[...] = values
-        buffers.evaluate()
-        if buffers.buffer.ret():
-            raise ArithmeticError(f"CasADi could not evaluate {self.function.name()}")
-        outputs = list(buffers.outputs)
-        if self._gram is not None:
-            *outputs, weight, root = outputs
-            if gram:
-                outputs.append(_lower_gram(weight, root.reshape(rows, *self._gram[::-1])))
-        return np.concatenate(outputs, axis=1)
+            if rows not in self._buffers:
+                if len(self._buffers) == _MOST_BUFFERS:
+                    self._buffers.pop(next(iter(self._buffers)))
+                self._buffers[rows] = _Buffers.of(self.function, rows)
+            buffers = self._buffers[rows]
+            for array, values in zip(buffers.inputs, inputs, strict=True):
+                array[...] = values
+            buffers.evaluate()
+            if buffers.buffer.ret():
+                raise ArithmeticError(f"CasADi could not evaluate {self.function.name()}")
+            outputs = list(buffers.outputs)
+            if self._gram is not None:
+                *outputs, weight, root = outputs
+                if gram:
+                    outputs.append(_lower_gram(weight, root.reshape(rows, *self._gram[::-1])))
+            return np.concatenate(outputs, axis=1)
 
     def ready(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Callable[[], None], Matrix]:
         """The bare call of the C function, and where it leaves all outputs (outer, …), side by side.

@@ -666,8 +666,15 @@ class Problem:
         return result.reshape(len(x), 3 * real)
 
     def _nearest_to_rays(self, parts: ParameterParts, joints: Matrix) -> Matrix:
+        """(W, K, 3) of each target the point nearest to its beams, at recorded `joints` (W or 1, N, n)."""
         start = self.split(self.parameters.prior_mean).targets
-        origin, direction = self._beams(parts.arm, parts.tool, joints)
+        rows, shots = len(parts.arm), self.shots
+        beams = self.functions.kernel("beam")(
+            np.broadcast_to(joints, (rows, shots, self.robot.n)).reshape(rows * shots, -1),
+            np.repeat(parts.arm, shots, axis=0),
+            np.repeat(parts.tool, shots, axis=0),
+        )
+        origin, direction = (part.reshape(rows, shots, 3) for part in beams)
         across = np.eye(3) - direction[..., :, None] * direction[..., None, :]
         result = np.empty((len(parts.arm), len(self.targets) - self.stations, 3))
         for k in range(result.shape[1]):
@@ -716,16 +723,6 @@ class Problem:
         parts = self.split(x)
         origin, direction = self.functions.kernel("beam")(self.joints, parts.arm, parts.tool)
         return origin, direction
-
-    def _beams(self, arm: Matrix, tool: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
-        """(W, N, 3) each, of arms (W, a), tools (W, k) and recorded joints (W or 1, N, n)."""
-        rows, shots = len(arm), self.shots
-        origin, direction = self.functions.kernel("beam")(
-            np.broadcast_to(joints, (rows, shots, self.robot.n)).reshape(rows * shots, -1),
-            np.repeat(arm, shots, axis=0),
-            np.repeat(tool, shots, axis=0),
-        )
-        return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
 def _belongs_to(some: Sequence[Measurement]) -> str:
