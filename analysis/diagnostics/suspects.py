@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.geometry import ANGLES, BENDING
-from ...model.likelihood.parameters import Parameters
+from ...model.likelihood.parameters import Parameter, Parameters
 from ...model.likelihood.problem import Problem
 from ..left_over import Hypotheses, Linearised, revolute
 from ..observability.changes import FEWEST, elapsed, repeated
@@ -89,9 +89,9 @@ class Suspect:
     cause: Cause
     columns: Columns
     corrected: Corrected
-    size: float
-    evidence: float
-    log_choices: float
+    size: float = 0.0
+    evidence: float = 0.0
+    log_choices: float = 0.0
     joints: tuple[int, ...] = ()
     targets: tuple[str, ...] = ()
     measurements: tuple[int, ...] = ()
@@ -153,19 +153,16 @@ def _best(tried: Hypotheses, sizes: Sequence[float]) -> list[tuple[float, int, f
 
 
 def _suspects(
-    tried: Hypotheses, sizes: Sequence[float], made: Callable[[int], Suspect], unit: float = 1.0
+    tried: Hypotheses, sizes: Sequence[float], made: Suspect | Callable[[int], Suspect], unit: float = 1.0
 ) -> Iterator[Suspect]:
-    """The best two of a kind, each made by its index; sizes in units of `unit`."""
+    """The best two of a kind, all the same suspect or each made by its index; sizes in units of `unit`."""
     count = len(tried.y)
     if not count:
         return
     price = float(np.log(count * len(sizes)))
     for evidence, index, size in _best(tried, [size * unit for size in sizes]):
-        yield replace(made(index), size=size, evidence=evidence - price, log_choices=price, unit=1 / unit)
-
-
-def _made(cause: Cause, columns: Columns, corrected: Corrected, **more: object) -> Suspect:
-    return Suspect(cause, columns, corrected, 0.0, 0.0, 0.0, **more)  # type: ignore[arg-type]
+        suspect = made if isinstance(made, Suspect) else made(index)
+        yield replace(suspect, size=size, evidence=evidence - price, log_choices=price, unit=1 / unit)
 
 
 # Changes between two measurements
@@ -195,7 +192,7 @@ def _around(problem: Problem, rows: Index, at: int) -> tuple[int, int]:
     return problem.shot_numbers[rows[at - 1]], problem.shot_numbers[rows[at]]
 
 
-def _of_joint(cause: Cause, joint: int, course: Matrix, **more: object) -> Suspect:
+def _of_joint(cause: Cause, joint: int, course: Matrix, **more: Any) -> Suspect:
     """What adds b times `course` (N, 1) to the position of a joint (from 0)."""
 
     def columns(linear: Linear) -> Matrix:
@@ -206,7 +203,7 @@ def _of_joint(cause: Cause, joint: int, course: Matrix, **more: object) -> Suspe
         joints[:, joint] += course @ values
         return linear.problem.moved(joints)
 
-    return _made(cause, columns, corrected, joints=(joint + 1,), **more)
+    return Suspect(cause, columns, corrected, joints=(joint + 1,), **more)
 
 
 def of_one_value(problem: Problem, joint: int, at: int) -> Suspect:
@@ -216,7 +213,7 @@ def of_one_value(problem: Problem, joint: int, at: int) -> Suspect:
     return _of_joint("measurements", joint, course, measurements=(problem.shot_numbers[at],))
 
 
-def _of_place(cause: Cause, course: Matrix, **more: object) -> Suspect:
+def _of_place(cause: Cause, course: Matrix, **more: Any) -> Suspect:
     """What adds b times `course` (N,) to the place of the targets: b in mm, base frame."""
 
     def shifted(linear: Linear) -> Matrix:
@@ -225,7 +222,7 @@ def _of_place(cause: Cause, course: Matrix, **more: object) -> Suspect:
     return _of_spots(cause, shifted, **more)
 
 
-def _of_spots(cause: Cause, parts: Callable[[Linear], Matrix], **more: object) -> Suspect:
+def _of_spots(cause: Cause, parts: Callable[[Linear], Matrix], **more: Any) -> Suspect:
     """What moves the residuals by whitened columns (N, d, k), as the spots do."""
 
     def columns(linear: Linear) -> Matrix:
@@ -236,7 +233,7 @@ def _of_spots(cause: Cause, parts: Callable[[Linear], Matrix], **more: object) -
         moved = (linear.factor @ (parts(linear) @ values)[..., None])[..., 0]
         return replace(problem, spots=problem.spots - moved / np.sqrt(problem.weights)[:, None])
 
-    return _made(cause, columns, corrected, **more)
+    return Suspect(cause, columns, corrected, **more)
 
 
 def _moved_targets(linear: Linear) -> Iterator[Suspect]:
@@ -279,7 +276,7 @@ def _repeats(linear: Linear) -> Iterator[Suspect]:
         return
     suspect = replace(_without(linear, again.tolist()), cause="repeats")
     tried = linear.of(suspect.columns(linear))
-    yield from _suspects(tried, _MM, lambda _: suspect)
+    yield from _suspects(tried, _MM, suspect)
 
 
 def _with_each(linear: Linear, gone: list[int]) -> Hypotheses:
@@ -331,7 +328,7 @@ def _of_motion(linear: Linear) -> Iterator[Suspect]:
     yield from _suspects(tried, _SHARES, lambda i: _of_joint("gain", i, problem.joints[:, [i]]))
     lag = np.einsum("ndi,ni->nd", linear.by_joints, motions)[:, :, None]
     tried = linear.of(linear.rows(lag))
-    yield from _suspects(tried, _SHARES, lambda _: _of_all_joints("lag", motions[:, :, None]))
+    yield from _suspects(tried, _SHARES, _of_all_joints("lag", motions[:, :, None]))
     sides = np.sign(motions)
     slack = linear.by_joints[:, :, turning] * sides[:, None, turning]
     unit = float(np.radians(1.0))
@@ -345,7 +342,7 @@ def _of_motion(linear: Linear) -> Iterator[Suspect]:
     for k, i in enumerate(turning):
         courses[:, i, k] = sides[:, i]
     together = linear.of(linear.rows(slack))
-    yield from _suspects(together, _BACKLASH, lambda _: _of_all_joints("backlash", courses), unit)
+    yield from _suspects(together, _BACKLASH, _of_all_joints("backlash", courses), unit)
 
 
 def _of_all_joints(cause: Cause, courses: Matrix) -> Suspect:
@@ -357,7 +354,7 @@ def _of_all_joints(cause: Cause, courses: Matrix) -> Suspect:
     def corrected(linear: Linear, values: Matrix) -> Problem:
         return linear.problem.moved(linear.problem.joints + courses @ values)
 
-    return _made(cause, columns, corrected)
+    return Suspect(cause, columns, corrected)
 
 
 # Drift over the run
@@ -399,7 +396,7 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
             if which:
                 tried = linear.of(linear.by_parameters(which))
                 suspect = _of_prior(which, "tool", of=of)
-                yield from _suspects(tried, sizes, partial(_itself, suspect), scale)
+                yield from _suspects(tried, sizes, suspect, scale)
     for angle in (False, True):
         which = [
             i
@@ -422,23 +419,25 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
             yield from _suspects(tried, _TILTS if angle else _MM, made, unit if angle else 1.0)
 
 
-def _itself(suspect: Suspect, _: int) -> Suspect:
-    return suspect
-
-
-def _of_prior(which: list[int], cause: Cause, **more: object) -> Suspect:
+def _of_prior(which: list[int], cause: Cause, **more: Any) -> Suspect:
     """What moves the prior means of some parameters."""
 
     def columns(linear: Linear) -> Matrix:
         return linear.by_parameters(which)
 
     def corrected(linear: Linear, values: Matrix) -> Problem:
-        items = list(linear.problem.parameters.items)
-        for i, value in zip(which, values.tolist(), strict=True):
-            items[i] = replace(items[i], prior_mean=items[i].prior_mean + value)
-        return replace(linear.problem, parameters=Parameters(tuple(items)))
+        by = dict(zip(which, values.tolist(), strict=True))
+        return _with(linear, which, lambda i, item: replace(item, prior_mean=item.prior_mean + by[i]))
 
-    return _made(cause, columns, corrected, **more)
+    return Suspect(cause, columns, corrected, **more)
+
+
+def _with(linear: Linear, which: list[int], other: Callable[[int, Parameter], Parameter]) -> Problem:
+    """The problem with the parameters `which`, by their places, replaced."""
+    items = list(linear.problem.parameters.items)
+    for i in which:
+        items[i] = other(i, items[i])
+    return replace(linear.problem, parameters=Parameters(tuple(items)))
 
 
 def _tolerances(linear: Linear) -> Iterator[Suspect]:
@@ -463,12 +462,9 @@ def _tolerances(linear: Linear) -> Iterator[Suspect]:
         price = float(np.log(len(_TIMES)))
 
         def corrected(linear: Linear, _: Matrix, which: list[int] = which, times: float = times) -> Problem:
-            items = list(linear.problem.parameters.items)
-            for i in which:
-                items[i] = replace(items[i], prior_std=items[i].prior_std * times)
-            return replace(linear.problem, parameters=Parameters(tuple(items)))
+            return _with(linear, which, lambda _, item: replace(item, prior_std=item.prior_std * times))
 
-        suspect = _made(cause, _no_columns, corrected)
+        suspect = Suspect(cause, _no_columns, corrected)
         freed = tried.freed(float(np.sqrt(times**2 - 1)))
         yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times, freed=freed)
 
@@ -479,12 +475,9 @@ def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
     evidence = float(tried.log_evidence(1.0)[0])
 
     def corrected(linear: Linear, _: Matrix) -> Problem:
-        items = list(linear.problem.parameters.items)
-        for i in which:
-            items[i] = replace(items[i], held=False)
-        return replace(linear.problem, parameters=Parameters(tuple(items)))
+        return _with(linear, which, lambda _, item: replace(item, held=False))
 
-    suspect = _made("geometry", _no_columns, corrected)
+    suspect = Suspect("geometry", _no_columns, corrected)
     yield replace(suspect, evidence=evidence, fixed_amount=1.0, freed=tried.freed(1.0))
 
 
@@ -507,7 +500,7 @@ def _noise(linear: Linear) -> Iterator[Suspect]:
         noise = linear.problem.noise
         return replace(linear.problem, noise=noise.times(times))
 
-    suspect = _made("noise", _no_columns, corrected)
+    suspect = Suspect("noise", _no_columns, corrected)
     yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times)
 
 
@@ -525,7 +518,7 @@ def _spots(linear: Linear) -> Iterator[Suspect]:
         def corrected(linear: Linear, _: Matrix, spots: Matrix = spots) -> Problem:
             return replace(linear.problem, spots=spots)
 
-        suspect = _made("spot", _no_columns, corrected, of=name)
+        suspect = Suspect("spot", _no_columns, corrected, of=name)
         evidence = -float(tried.y[0, 0] + tried.gram[0, 0, 0] / 2) - price
         yield replace(suspect, evidence=evidence, log_choices=price, fixed_amount=0.0)
 

@@ -117,7 +117,9 @@ class PostureSearch:
     def _drawn(self, rng: np.random.Generator) -> PostureSet:
         robot = self.problem.robot
         low, high = one_turn(robot, robot.lower, robot.upper)
-        like = np.resize(_kinds_of_shots(self.problem), _DRAWN)
+        # Of each target and what reads there the first shot.
+        kinds = np.column_stack([self.problem.target_index, self.problem.active])
+        like = np.resize(np.sort(np.unique(kinds, axis=0, return_index=True)[1]), _DRAWN)
         pools: list[PostureSet] = []
         while len(pools) < _TRIES and sum(len(pool.like) for pool in pools) < _ENOUGH:
             joints = rng.uniform(low, high, size=(_DRAWN, robot.n))
@@ -220,12 +222,6 @@ def _greedy(candidates: Candidates, count: int) -> Index:
         rows.append(int(np.argmin(values)))
         information = information + candidates.roots[rows[-1]].T @ candidates.roots[rows[-1]]
     return np.array(rows)
-
-
-def _kinds_of_shots(problem: Problem) -> Index:
-    """Of each target and what reads there the first shot."""
-    kinds = np.column_stack([problem.target_index, problem.active])
-    return np.asarray(np.sort(np.unique(kinds, axis=0, return_index=True)[1]))
 
 
 def usual_constraints(problem: Problem, x: Matrix) -> StatedConstraints:

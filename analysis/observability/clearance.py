@@ -179,18 +179,14 @@ class Clearance:
         local = np.einsum("kpi,kij->kpj", offset, poses[:, :3, :3])
         return np.asarray(np.ptp(local, axis=0).max(axis=1) < _SAME_POINT * 1e3)
 
-    def _points(self, joints: Matrix) -> Matrix:
-        """(N, n + 3, 3): the skeleton and the TCP."""
+    def _standing(self, joints: Matrix) -> Matrix:
+        """(N, n + 4, 3): the mounting face below the base frame, the skeleton and the TCP."""
         nominal = self._problem.split(self._problem.parameters.prior_mean)
         (skeleton,) = self._kernel(joints, nominal.arm)
         origin, _ = self._tool(joints, nominal.arm, nominal.tool)
-        return np.concatenate([skeleton.transpose(0, 2, 1), origin[:, None, :]], axis=1)
-
-    def _standing(self, joints: Matrix) -> Matrix:
-        """(N, n + 4, 3): the mounting face below the base frame, and the same."""
         foot = np.zeros((len(joints), 1, 3))
         foot[:, 0, 2] = -(self._problem.robot.conventions.below_base or 0.0)
-        return np.concatenate([foot, self._points(joints)], axis=1)
+        return np.concatenate([foot, skeleton.transpose(0, 2, 1), origin[:, None, :]], axis=1)
 
 
 def _lengths(points: Matrix) -> Matrix:

@@ -15,7 +15,7 @@ does to the uncertainties (`bases`)."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
 from typing import Annotated, Literal
@@ -348,15 +348,4 @@ def _with_effect(
     most = int(np.argmin(after / before))
     item = parameters.items[offsets[most]]
     u, exact = (item.prior_std * item.display * float(np.sqrt(each[most])) for each in (before, after))
-    return Basis(
-        basis.of,
-        basis.kind,
-        basis.part,
-        basis.stated,
-        basis.keys,
-        basis.sizes,
-        offset=item.name,
-        unit=item.unit,
-        u=u,
-        u_if_exact=exact,
-    )
+    return replace(basis, offset=item.name, unit=item.unit, u=u, u_if_exact=exact)

@@ -436,14 +436,10 @@ class Prospect:
         covariance = np.linalg.inv(np.linalg.inv(self.covariance) + np.diag(added))
         now, resting = self.now, np.isin(np.arange(len(added)), self.resting)
         largest, before = (self._largest(each, self.resting) for each in (covariance, self.covariance))
-        yield OutlookRow(
+        yield replace(
+            now,
             remedy="mounting",
-            shots=self.count,
             U=self._expanded(covariance, self.known_now | resting, [*self.improvable, *self.resting]),
-            tcp_median_mm=now.tcp_median_mm,
-            tcp_95_mm=now.tcp_95_mm,
-            links_median_mm=now.links_median_mm,
-            links_95_mm=now.links_95_mm,
             minutes=MOUNTING_MIN,
             gain=self._gain(largest, before),
             state={one.key: float(f"{(one.std or 0.0) / _CLOSER:.2g}") for one in sorted(assumed)},
@@ -454,15 +450,11 @@ class Prospect:
         now = self.now
         if now.tcp_95_mm is None or now.links_95_mm is None:
             return
-        yield OutlookRow(
+        yield replace(
+            now,
             remedy="links",
-            shots=now.shots,
-            U=now.U,
             tcp_median_mm=now.links_median_mm,
             tcp_95_mm=now.links_95_mm,
-            links_median_mm=now.links_median_mm,
-            links_95_mm=now.links_95_mm,
-            minutes=0.0,
             gain=self._gain(now.links_95_mm, now.tcp_95_mm),
         )
 

@@ -23,6 +23,10 @@ ROUNDING = 1e-6
 WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only
 
 
+_PERHAPS_RADIANS = (
+    f"radians? all joint angles are within ±{ONE_TURN} degrees, as angles in radians would be; "
+    "they were taken as degrees"
+)
 _NUMBERS = frozenset({float, int})
 
 
@@ -84,7 +88,7 @@ def check_limits(
     """
     outside = beyond_limits(robot, joints)
     if not outside.any():
-        return _perhaps_radians(robot, joints)
+        return (_PERHAPS_RADIANS,) if like_radians(robot, joints) else ()
     hint = _unit_hint(robot, joints)
     if limits == "error":
         remedy = (
@@ -219,12 +223,3 @@ def require_degrees(
             file=file,
             line=line,
         )
-
-
-def _perhaps_radians(robot: Robot, joints: Matrix) -> tuple[str, ...]:
-    if not like_radians(robot, joints):
-        return ()
-    return (
-        f"radians? all joint angles are within ±{ONE_TURN} degrees, as angles in radians would be; "
-        "they were taken as degrees",
-    )

@@ -195,16 +195,11 @@ class ShotRules:
         called = f"{_noun(planned)} {shot.shot}"
         require_joint_count(shot.joints_deg, self.robot, called, file, line)
         with _called(called, file, line):
-            label = self._what(shot)
+            label = self.label(shot.instrument)
+            self.variant(label, shot.reflector)
+            self._check_target(label, shot.target)
             if not planned:
                 self._check_readings(shot, self.instruments[label])
-
-    def _what(self, shot: Shot) -> str:
-        """The label of a measurement's instrument; BadInput where it cannot be what the measurement says."""
-        label = self.label(shot.instrument)
-        self.variant(label, shot.reflector)
-        self._check_target(label, shot.target)
-        return label
 
     def label(self, name: str | None) -> str:
         """The label of the instrument that a measurement or posture names, or of the only one."""
