@@ -82,22 +82,24 @@ class BadInput(ZerobeamError):
         own it keeps."""
         if self.file is not None or self.argument is not None:
             return self
-        return self._located(file=file, line=self.line or line)
+        return self.restated(file=file, line=self.line or line)
 
     def of_argument(self, argument: str) -> BadInput:
         """The same error, with an argument as its place unless it has a place already."""
         if self.file is not None or self.argument is not None:
             return self
-        return self._located(argument=argument)
+        return self.restated(argument=argument, line=None)
 
     def renamed(self, arguments: Mapping[str, str]) -> BadInput:
         """The same error, its argument called otherwise: by the option of the command line, say."""
         if self.argument is None or self.argument not in arguments:
             return self
-        return self._located(argument=arguments[self.argument])
+        return self.restated(argument=arguments[self.argument])
 
-    def _located(self, **location: Any) -> BadInput:
-        return type(self)(self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, **location)
+    def restated(self, **otherwise: Any) -> BadInput:
+        """The same error with some of its attributes, by name, said otherwise."""
+        names = ("what", "found", "allowed", "remedy", "file", "line", "argument")
+        return type(self)(**{name: getattr(self, name) for name in names} | otherwise)
 
     def _message(self) -> str:
         where = ""

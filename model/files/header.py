@@ -832,11 +832,4 @@ def check_header(
         try:
             check()
         except BadInput as error:
-            raise BadInput(
-                error.what,
-                found=error.found,
-                allowed=error.allowed,
-                remedy=error.remedy,
-                file=file,
-                line=line(key),
-            ) from None
+            raise error.restated(file=file, line=line(key), argument=None) from None

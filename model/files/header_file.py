@@ -116,14 +116,7 @@ def _plant(
                 raise
             # There is no such file, or no reading it: that is said where it is named.
             at = line(("geometry", "tolerances"))
-            raise BadInput(
-                error.what,
-                found=geometry.tolerances,
-                allowed=error.allowed,
-                remedy=error.remedy,
-                file=file,
-                line=at,
-            ) from None
+            raise error.restated(found=geometry.tolerances, file=file, line=at) from None
     path = os.environ.get(TOLERANCES)
     if not path:
         return None
@@ -131,14 +124,7 @@ def _plant(
         return _read(Path(path).expanduser())
     except BadInput as error:
         remedy = f"{error.remedy or 'correct the file'}; the environment variable {TOLERANCES} names it"
-        raise BadInput(
-            error.what,
-            found=error.found,
-            allowed=error.allowed,
-            remedy=remedy,
-            file=error.file,
-            line=error.line,
-        ) from None
+        raise error.restated(remedy=remedy) from None
 
 
 def _read(path: Path) -> PlantTolerances:

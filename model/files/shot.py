@@ -377,14 +377,7 @@ def _called(noun: str, file: Path | None, line: int | None) -> Iterator[None]:
     try:
         yield
     except BadInput as error:
-        raise BadInput(
-            f"{noun}: {error.what}",
-            found=error.found,
-            allowed=error.allowed,
-            remedy=error.remedy,
-            file=file,
-            line=line,
-        ) from None
+        raise error.restated(what=f"{noun}: {error.what}", file=file, line=line, argument=None) from None
 
 
 def _measured(column: str, value: float | tuple[float, ...]) -> tuple[float, ...]:

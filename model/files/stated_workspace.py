@@ -119,10 +119,8 @@ class StatedWorkspace(FileModel):
             if error.line is not None:
                 raise
             # There is no such file, or no reading it: that is said where it is named.
-            raise BadInput(
-                error.what,
+            raise error.restated(
                 found=error.found or self.positions,
-                allowed=error.allowed,
                 remedy=error.remedy or "correct workspace.positions, or the file that it names",
                 file=file,
                 line=line,
