@@ -101,8 +101,9 @@ def test_any_common_form_over_several_lines_and_radians(plan: Path, monkeypatch:
         (["70 -18 43 -137 -72 4750", "yes", TYPED[1]], "joint 6 is at 4750 deg, beyond its limits"),
         (
             ["20 -18.738 43.354 -137.022 -72.592 75.127", TYPED[1]],
-            "joint 1 is at 20 deg and the plan has",
+            "the other joints are as planned: is it a typing error?",
         ),
+        (["20 8.7 43.354 -137.022 -72.592 75.127", TYPED[1]], "joint 1 is at 20 deg and the plan has"),
         (["yes", TYPED[1]], "no question"),
         (["redo 7", TYPED[1]], "no measurement 7 to repeat"),
         (["help", TYPED[1]], "redo [measurement]"),

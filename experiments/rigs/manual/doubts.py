@@ -184,8 +184,12 @@ class Judge:
         unit = self._plan.robot.joints[i].unit
         at = float(self._pendant.counted(joints)[i])
         planned = float(self._pendant.counted(self._planned[number % len(self._planned)])[i])
-        sentence = f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}"
-        return Doubt("far", sentence)
+        alone = (np.delete(off, i) <= SAME_POSTURE).all()
+        return Doubt(
+            "far",
+            f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}"
+            f"{', the other joints are as planned: is it a typing error?' if alone else ''}",
+        )
 
     def _beyond_aiming(self, number: int, joints: Matrix) -> Doubt | None:
         """Whether a joint that aims has turned farther than that needs."""
