@@ -2,7 +2,7 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { bytes } from "../core/words.js";
-import { toJob } from "../core/route.js";
+import { calibrationOf, toJob } from "../core/route.js";
 import { files, home, attempt } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { TextField } from "../parts/TextField.js";
@@ -10,6 +10,7 @@ import { choose, into, leaveOut, name, nameWrong, proposed, rows, send, take, us
 
 /** @typedef {import("./types.js").Row} Row */
 
+const NEVER = /\.(html|pdf|svg|png|jpe?g|nc|db|sqlite3?|zip)$/i; // what no import reads
 const OURS = ["run", "plan", "result", "robot", "header", "cell", "sensors", "obstacles"];
 
 /** Where the name of a file is taken: another name, or the file that is there. @param {{row: Row, taken: {content: Blob, name: string}}} props */
@@ -36,7 +37,9 @@ function About({ row }) {
 export function Recordings() {
   const over = useSignal(false);
   const hover = (/** @type {boolean} */ on) => (/** @type {Event} */ event) => { event.preventDefault(); over.value = on; };
-  const others = files.value.filter((file) => !OURS.includes(file.kind)).map((file) => /** @type {[string, string]} */ ([file.path, file.path]));
+  // Beside a page lies what belongs to it: tables and JSON of a report, a study, a comparison.
+  const made = new Set(files.value.filter((file) => file.path.endsWith(".html")).map((file) => calibrationOf(file.path)).filter((folder) => folder !== "."));
+  const others = files.value.filter((file) => !OURS.includes(file.kind) && !NEVER.test(file.path) && !made.has(calibrationOf(file.path))).map((file) => /** @type {[string, string]} */ ([file.path, file.path]));
   const known = (home.value?.calibrations ?? []).map((one) => /** @type {[string, string]} */ ([one.name, one.name === "." ? "this folder" : one.name]));
   if (into.value && !known.some(([one]) => one === into.value)) known.push([into.value, into.value]);
   return html`
@@ -44,7 +47,7 @@ export function Recordings() {
       <h2 id="import-files">1. Recordings</h2>
       <div class=${`drop${over.value ? " over" : ""}`} onDragEnter=${hover(true)} onDragOver=${hover(true)} onDragLeave=${hover(false)}
         onDrop=${(/** @type {DragEvent} */ event) => { hover(false)(event); attempt(() => take([...event.dataTransfer?.files ?? []])); }}>
-        <p>Drop files here: tables (CSV, logs), points of a tracker or CMM, ROS bags, programs and points of a controller.</p>
+        <p>Drop files here: tables (CSV, Excel, logs), points of a tracker or CMM, ROS bags, programs and points of a controller.</p>
         <div class="fields">
           <label><span class="label">Choose files</span><input type="file" multiple onChange=${(/** @type {any} */ event) => { const given = [...event.target.files]; event.target.value = ""; attempt(() => take(given)); }} /></label>
           <${Choice} label="Or a file of the folder" value="" groups=${[["files of this folder", others]]} none="choose a file" onValue=${(/** @type {string} */ path) => path && attempt(() => choose(path))} />

@@ -27,9 +27,8 @@ export function Exports({ run }) {
   const all = forms.value;
   if (all === null) return html`<p class="muted">…</p>`;
   // The maker of this arm comes first.
-  const maker = calibration.value?.maker, makers = [...new Set(all.map((one) => one.maker))].sort((a, b) => Number(b === maker) - Number(a === maker));
-  const vendored = all.find((one) => one.vendor !== null && one.vendor === maker)?.maker;
-  if (vendored) makers.sort((a, b) => Number(b === vendored) - Number(a === vendored));
+  const own = all.find((one) => one.vendor !== null && one.vendor === calibration.value?.maker)?.maker;
+  const makers = [...new Set(all.map((one) => one.maker))].sort((a, b) => Number(b === own) - Number(a === own));
   const chosen = all.find((one) => one.name === form.value) ?? all.find((one) => one.maker === makers[0]) ?? all[0];
   const proposed = freeName(`${run.replace(/\.[^./]*$/, "")}-${chosen.name}.${chosen.ending}`);
   const ask = () => {
