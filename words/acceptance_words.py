@@ -17,14 +17,15 @@ from ..analysis.acceptance.acceptance import (
     MistakeKind,
 )
 from . import numbers
+from .numbers import percent
 from .wording import counted, label, listed
 
 ACCEPTANCE_WORDS: dict[Acceptance, str] = {"pass": "Pass", "fail": "Fail", "inconclusive": "Inconclusive"}
 RULE = (
-    f"Fail where residuals as large have a probability below {FALSE_ALARM:.0%} for a robot that is as its"
-    " calibration says (the probability of a false alarm). Pass where they agree, and an error of the"
+    f"Fail where residuals as large have a probability below {percent(FALSE_ALARM)} for a robot that is as"
+    " its calibration says (the probability of a false alarm). Pass where they agree, and an error of the"
     " tolerance in any one offset would have been noticed with a probability of at least"
-    f" {POWER:.0%}. Else inconclusive."
+    f" {percent(POWER)}. Else inconclusive."
 )
 CONTROLLERS_MODEL = (
     "Each error is the residual of a measurement by the controller’s model: nominal geometry, joints as the"
@@ -52,14 +53,15 @@ def acceptance_reason(answer: AcceptanceResult) -> str:
     if answer.verdict == "fail":
         return (
             f"The corrected robot is not where its calibration says: residuals {rms}, where {expected} were"
-            f" predicted ({measure}). Do not use it; a false alarm has a probability of {FALSE_ALARM:.0%}."
-            " Put the old values back, look for the mistake in what was entered, and test again."
+            f" predicted ({measure}). Do not use it; a false alarm has a probability of"
+            f" {percent(FALSE_ALARM)}. Put the old values back, look for the mistake in what was entered, and"
+            " test again."
         )
     agrees = f"Residuals {rms} agree with the prediction ({measure})"
     if answer.verdict == "pass":
         return (
             f"{agrees}, and an error of the tolerance in any offset would have been noticed with a"
-            f" probability of at least {POWER:.0%}."
+            f" probability of at least {percent(POWER)}."
         )
     names = listed([label(offset.name) for offset in answer.unnoticed])
     return (
@@ -79,8 +81,8 @@ def noticed_sentence(offsets: Sequence[EnteredOffset]) -> str:
     lacking = any(offset.power < POWER for offset in offsets)
     return (
         "Probability of noticing an error. A correct calibration fails with a probability of"
-        f" {FALSE_ALARM:.0%}. To pass, the test needs {POWER:.0%} against an error of the tolerance in each"
-        " offset"
+        f" {percent(FALSE_ALARM)}. To pass, the test needs {percent(POWER)} against an error of the tolerance"
+        " in each offset"
         f"{'.' if not lacking else _TOO_FEW}"
     )
 
@@ -88,8 +90,8 @@ def noticed_sentence(offsets: Sequence[EnteredOffset]) -> str:
 def narrow_sentence() -> str:
     """Of a planned test whose power is enough, and less than a plan aims at."""
     return (
-        f"A plan aims at {AIM:.0%}, so that a run that differs a little from it still passes. The postures"
-        " of this run do not reach that: record all of them with care, or calibrate with more measurements"
+        f"A plan aims at {percent(AIM)}, so that a run that differs a little from it still passes. The"
+        " postures of this run do not reach that: record all of them with care, or calibrate with more measurements"
         " (zerobeam plan optimal --shots N)."
     )
 
@@ -100,7 +102,7 @@ def lacking_test_sentence(lacking: LackingTest) -> str:
     text = (
         f"A calibration by {counted(lacking.measurements, 'measurement')} is predicted to leave no acceptance"
         f" test that can pass: it would notice that {label(lacking.name)} is off by the tolerance of {limit}"
-        f" with a probability of {probability_words(lacking.power)}, and needs {POWER:.0%}."
+        f" with a probability of {probability_words(lacking.power)}, and needs {percent(POWER)}."
     )
     if lacking.needed is None:
         return f"{text} No number of such measurements is enough: lower the noise, or widen the tolerance."

@@ -149,7 +149,9 @@ def confounded_sentence(
     its variance is of the noise."""
     if share is None or share < _MOSTLY:
         return None
-    text = f"{percent(share)} of the variance of {name(offset)} comes from how far the links may deviate"
+    text = (
+        f"{numbers.percent(share)} of the variance of {name(offset)} comes from how far the links may deviate"
+    )
     rivals = [row for row in geometry.confounded if row.offset == offset and abs(row.correlation) >= _MOSTLY]
     if not rivals:
         return f"{text}; the estimate is not correlated with any one of them alone."
@@ -171,11 +173,6 @@ def correlation(row: Confounded) -> str:
     return numbers.fixed(row.correlation, 2)
 
 
-def percent(share: float) -> str:
-    """A share of a variance."""
-    return f"{100 * share:.0f}{numbers.NO_BREAK}%"
-
-
 def factors_sentence(geometry: GeometryResult) -> str | None:
     """By what the data multiply the tolerances; u is that of a factor of lognormal distribution."""
     if geometry.factors is None:
@@ -183,7 +180,7 @@ def factors_sentence(geometry: GeometryResult) -> str | None:
     factors = geometry.factors
     known_u = [u for u in factors.log_u if u is not None]
     parts = [
-        f"{kind} by {numbers.significant(factor, 2)} (relative u {percent(u)})"
+        f"{kind} by {numbers.significant(factor, 2)} (relative u {numbers.percent(u)})"
         for (kind, factor), u in zip(factors.by_kind().items(), known_u, strict=True)
     ]
     return (

@@ -100,6 +100,11 @@ def with_unit(text: str, unit: str) -> str:
     return text if not unit else text + _UNITS.get(unit, f"{NO_BREAK}{unit}")
 
 
+def percent(share: float, digits: int = 0) -> str:
+    """A share or a probability: 0.954 is 95 %."""
+    return f"{fixed(100 * share, digits)}{NO_BREAK}%"
+
+
 def coverage(k: float) -> str:
     """The coverage factor of an expanded uncertainty U."""
     return f"k{NO_BREAK}={NO_BREAK}{fixed(k, 2).removesuffix('.00')}"

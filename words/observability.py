@@ -501,7 +501,7 @@ def over_target_sentence(check: Check) -> str | None:
             "reflectors, mounts and targets where they may be (standard deviations of 50 mm and 30° where"
             " only guessed)"
         )
-    hit = f"With {where} ({over.draws} draws), {over.hit:.0%} of the measurements hit"
+    hit = f"With {where} ({over.draws} draws), {numbers.percent(over.hit)} of the measurements hit"
     rows = [row for row in check.parameters if row.name in over.worst_std and row.std is not None]
     if not rows:
         return f"{hit}."

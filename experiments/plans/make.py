@@ -121,8 +121,9 @@ class MadePlan:
         count = len(made.again) - repeats
         seconds = "" if made.travel_s is None else f"; travel {numbers.significant(made.travel_s, 2)} s"
         lines = [
-            f"{count} measurements by the {made.criterion}-criterion: at least {made.efficiency:.1%} as good"
-            f" as the best choice from {made.candidates} candidates{seconds}."
+            f"{count} measurements by the {made.criterion}-criterion: at least"
+            f" {numbers.percent(made.efficiency, 1)} as good as the best choice from"
+            f" {made.candidates} candidates{seconds}."
             + (f" {counted(repeats, 'measurement')} again at the end." if repeats else "")
         ]
         if made.efficiency < _LOOSE:

@@ -28,6 +28,7 @@ from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.records import it
+from ...words.numbers import percent
 from ...words.observability import power_limit
 from ..processes import on_cluster
 from .candidates import CandidatePostures, Planned, pools_in_words
@@ -239,15 +240,14 @@ class Planner:
         worst, variance, prior, spot = self._parts(chosen.rows)
         if prior > 0.5:
             return (
-                f"the measurements carry almost no information about {worst}: {prior:.0%} of what would be"
-                " known of it is"
-                " the prior (`zerobeam check` on a plan of this kind says why)"
+                f"the measurements carry almost no information about {worst}: {percent(prior)} of what would"
+                " be known of it is the prior (`zerobeam check` on a plan of this kind says why)"
             )
         joint = 1 - prior - spot
         source, share = ("the spot noise", spot) if spot > joint else ("the joint noise", joint)
         needed = int(np.ceil(len(chosen.rows) * variance / tolerance**2))
         return (
-            f"{source} (it makes {share:.0%} of the variance of {worst}, the worst); u falls with the"
+            f"{source} (it makes {percent(share)} of the variance of {worst}, the worst); u falls with the"
             f" root of the number of measurements, so some {needed} would be needed"
         )
 

@@ -28,6 +28,7 @@ from ...model.files.shot import Shot, ShotRules
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem, by_posture
+from ...words.numbers import percent
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import WEAKEST, Psd
 from .centring import centre
@@ -314,7 +315,7 @@ class Procedure:
         if spot.light < WEAKEST:
             raise MeasurementRefused(
                 RefusalReason.TOO_WEAK,
-                f"{spot.light:.0%} of the laser's light arrives; at least {WEAKEST:.0%} are required",
+                f"{percent(spot.light)} of the laser's light arrives; at least {percent(WEAKEST)} are needed",
             )
         if (np.abs(spot.drift) > _DRIFTS * 2 * spot.std + _DRIFTS_MM).any():
             raise MeasurementRefused(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import zipfile
 import zlib
@@ -93,14 +92,8 @@ def _text(rows: Iterable[Sequence[object]], path: Path) -> str:
         made.append(texts)
         if len(made) * max(width, 1) > _MOST_CELLS:
             raise _too_large(path, f"more than {_MOST_CELLS} cells")
-    out = io.StringIO()
-    writer = csv.writer(out, delimiter="\t", lineterminator="\n")
-    for texts in made:
-        if texts:
-            writer.writerow([*texts, *[""] * (width - len(texts))])
-        else:
-            out.write("\n")
-    return out.getvalue().rstrip("\n") + "\n"
+    lines = ("\t".join([*texts, *[""] * (width - len(texts))]) if texts else "" for texts in made)
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def _cell(value: object) -> str:
@@ -110,7 +103,8 @@ def _cell(value: object) -> str:
         return str(int(value)) if value.is_integer() else repr(value)
     if isinstance(value, datetime | date | time):
         return value.isoformat()
-    return " ".join(str(value).split())
+    text = " ".join(str(value).split())
+    return f'"{text.replace(chr(34), 2 * chr(34))}"' if text.startswith('"') else text
 
 
 def _too_large(path: Path, how_much: str) -> BadInput:

@@ -15,7 +15,6 @@ from ...words.geometry_words import (
     determined_sentence,
     factors_sentence,
     geometry_title,
-    percent,
     rung_reason,
 )
 from ...words.numbers import unit_of
@@ -98,7 +97,7 @@ def _offsets(result: Result) -> Table | None:
             row_of(
                 label(row.name),
                 numbers.spread(k * row.std, row.unit),
-                percent(row.tolerance_share),
+                numbers.percent(row.tolerance_share),
                 *(
                     NO_NUMBER if (u := values.get(row.name)) is None else numbers.spread(k * u, row.unit)
                     for values in others
@@ -121,7 +120,7 @@ def _links(rows: Sequence[ParameterResult], k: float) -> Table | None:
             numbers.estimate(row.estimate, k * row.std, unit_of(row.unit)),
             numbers.spread(k * row.std, unit_of(row.unit)),
             numbers.significant(row.prior_std, 2, unit_of(row.unit)),
-            percent(max(1 - row.std / row.prior_std, 0.0)),
+            numbers.percent(max(1 - row.std / row.prior_std, 0.0)),
         )
         for row in rows
         if row.estimate is not None and row.std is not None

@@ -19,7 +19,6 @@ from ...words.geometry_words import (
     SET_BY_TOLERANCES,
     OffsetRow,
     by_tolerances,
-    percent,
     worth_sentence,
 )
 from ...words.numbers import unit_of
@@ -112,7 +111,7 @@ def worth_column(geometry: GeometryResult, k: float = 1.0) -> tuple[str, Callabl
     """The head of the column beside u (or U, with its coverage factor `k`), and what it says of an offset."""
 
     def share(row: OffsetRow) -> str:
-        return NO_NUMBER if row.tolerance_share is None else percent(row.tolerance_share)
+        return NO_NUMBER if row.tolerance_share is None else numbers.percent(row.tolerance_share)
 
     def considered(row: OffsetRow) -> str:
         value = None if row.std is None else geometry.consider.get(row.name)

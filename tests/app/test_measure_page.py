@@ -300,7 +300,7 @@ def test_a_robot_moves_once_a_person_has_confirmed(server: App, folder: Path, tm
                 start(tab)
                 wait(tab, "document.querySelector('.confirm')", 60)
                 question = tab.value("document.querySelector('.confirm').textContent")
-                assert "irb1600 is about to move, at 100% of its joints' top speeds" in question
+                assert "irb1600 is about to move, at 100\u00a0% of its joints' top speeds" in question
                 assert tab.value("document.activeElement.textContent") == "Do not move"
                 assert tab.accessibility() == []
                 press(tab, button)

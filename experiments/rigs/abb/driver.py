@@ -19,6 +19,7 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput, RigFault
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
+from ....words.numbers import percent
 from ...sensors.camera import Image
 from ...sensors.controller_sensors import Sensors
 from .access import Caution, ControllerAccess, require_six_axes
@@ -245,8 +246,8 @@ class AbbRig:
     def _ask(self, at: Matrix, goal: Matrix) -> None:
         self._require_ready()
         text = (
-            f"{self._robot.name} is about to move, at {self._caution.share:.0%} of its joints' top speeds, "
-            f"within the soft limits of its robot file.\n"
+            f"{self._robot.name} is about to move, at {percent(self._caution.share)} of its joints' top"
+            f" speeds, within the soft limits of its robot file.\n"
             f"First from {_listed(at)} deg\n      to   {_listed(goal)} deg, all joints at once.\n"
             "Nobody may be in the cell, and an emergency stop must be at hand."
         )

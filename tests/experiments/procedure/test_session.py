@@ -270,7 +270,7 @@ def test_an_open_tool_and_two_targets_are_carried_out(tmp_path: Path) -> None:
 def test_too_weak_a_laser_is_refused_and_said(tmp_path: Path, plan: Plan) -> None:
     done = carried(plan, tmp_path / "run.jsonl", laser={"light": 0.3})
     assert {refused.reason.value for refused in done.refused} == {"too weak"}
-    assert "30% of the laser's light arrives" in done.refused[0].found
+    assert "30\u00a0% of the laser's light arrives" in done.refused[0].found
     assert (done.shots, done.state) == ((), None)
 
 

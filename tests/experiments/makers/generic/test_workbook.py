@@ -79,12 +79,12 @@ def test_the_app_sees_its_columns(saved):
 
 def test_cells_are_as_exact_as_they_are_stored(saved):
     when = datetime(2026, 3, 4, 5, 6, 7)
-    values = [0.1, 1e-12, 123456789.25, 3.0, when, "two\nlines\tof text", None, True]
+    values = [0.1, 1e-12, 123456789.25, 3.0, when, "two\nlines\tof text", None, True, '"as found"']
     text = table_text(saved(Sheet=[values, [1] * 9]))
     first, _ = text.splitlines()
     cells = first.split("\t")
     assert [float(cell) for cell in cells[:4]] == values[:4]
-    assert cells[3:] == ["3", "2026-03-04T05:06:07", "two lines of text", "", "True", ""]
+    assert cells[3:] == ["3", "2026-03-04T05:06:07", "two lines of text", "", "True", '"""as found"""']
 
 
 def test_one_visible_sheet_has_cells(saved, refused):

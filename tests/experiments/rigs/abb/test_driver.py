@@ -197,7 +197,7 @@ def test_it_asks_once_before_the_first_motion(controller: SimulatedController, p
     rig.move(np.full(6, 0.3))
     rig.stop()
     (text,) = asked
-    assert "10% of its joints' top speeds" in text
+    assert "10\u00a0% of its joints' top speeds" in text
     assert controller.irc5.data.number("zb_speed") == 10.0
 
 
