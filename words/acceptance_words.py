@@ -91,8 +91,8 @@ def narrow_sentence() -> str:
     """Of a planned test whose power is enough, and less than a plan aims at."""
     return (
         f"A plan aims at {percent(AIM)}, so that a run that differs a little from it still passes. The"
-        " postures of this run do not reach that: record all of them with care, or calibrate with more measurements"
-        " (zerobeam plan optimal --shots N)."
+        " postures of this run do not reach that: record all of them with care, or calibrate with more"
+        " measurements (zerobeam plan optimal --shots N)."
     )
 
 
