@@ -458,4 +458,5 @@ def _answer(
         missing=result.missing,
         coverage_factor=state.coverage_factor,
         verifies=None if verifies is None else str(verifies),
+        tolerance=state.offset_tolerance,
     )

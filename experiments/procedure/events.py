@@ -249,7 +249,8 @@ class Ended(RunEvent):
     measurements that were still to come where a run by hand ended before the plan was through. `seconds` by
     phase. `coverage_factor` is k of every expanded uncertainty. `geometry` says what the offsets are worth if
     the arm deviates from what was taken. `true` has the true offsets (deg; mm) of a simulated run by name.
-    `verifies` names the calibration run that the plan tests; None of any other plan.
+    `verifies` names the calibration run that the plan tests; None of any other plan. `tolerance` is up to
+    which std an offset counts as identified.
     """
 
     event: ClassVar[str] = "end"
@@ -271,6 +272,7 @@ class Ended(RunEvent):
     missing: tuple[int, ...] = ()
     coverage_factor: float = 2.0
     verifies: str | None = None
+    tolerance: Mapping[str, float] = field(default_factory=dict)
 
 
 Listener = Callable[[RunEvent], None]

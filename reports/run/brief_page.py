@@ -114,11 +114,11 @@ def brief_page(result: Result) -> Page:
 
 def ended_page(answer: Ended) -> Page:
     """The end of `run`: offsets, what was measured and how long it took, what to do next."""
-    table = (
-        []
-        if answer.verifies or not answer.parameters or answer.verdict == "misfit"
-        else [offsets_front(answer.parameters, answer.coverage_factor, {})]
-    )
+    table = []
+    if answer.parameters and not answer.verifies and answer.verdict != "misfit":
+        rows = [row for row in answer.parameters if row.name in answer.tolerance]
+        limits = {row.unit: answer.tolerance[row.name] for row in rows}
+        table = [offsets_front(answer.parameters, answer.coverage_factor, limits)]
     content, geometry, worth = answer.message, answer.geometry, None
     if geometry is not None and geometry.tolerance is None and answer.verdict != "misfit":
         worth = worth_sentence(geometry, answer.parameters, answer.coverage_factor)

@@ -160,13 +160,13 @@ def carried_badly() -> dict[str, Any]:
         shots=[0, 2, 3, 5, 6],
         refused=[
             {"shot": 1, "reason": "no signal", "found": "no sample of the PSD arrives"},
-            {"shot": 4, "reason": "too weak", "found": "12% of the laser's light arrives"},
+            {"shot": 4, "reason": "too weak", "found": "12\u00a0% of the laser's light arrives"},
         ],
         saved=0,
         why="all postures of the plan are measured",
         notes=[
             "Measurement 1 was refused (no signal): no sample of the PSD arrives",
-            "Measurement 4 was refused (too weak): 12% of the laser's light arrives",
+            "Measurement 4 was refused (too weak): 12\u00a0% of the laser's light arrives",
         ],
     )
     answer["parameters"][0] |= {"status": "unidentifiable", "estimate": None, "std": None}
