@@ -14,14 +14,15 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from ...analysis.status import Status, require_no_more_than
+from ...analysis.observability.identifiability import identify
+from ...analysis.status import Status, has_numbers, require_no_more_than
 from ...analysis.status import versions as installed_versions
-from ...model.arrays import Mask, Matrix, normal_half_width
-from ...model.likelihood.parameters import Parameter
+from ...model.arrays import Index, Mask, Matrix, normal_half_width
 from ...model.likelihood.problem import Problem
 from ...words.wording import label
 
 SCHEMA: Final = "zerobeam/study/1"
+ALARM = 0.01  # probability of a false alarm over all intervals of a part that is judged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +93,7 @@ class ObservedParameter:
     @property
     def shares(self) -> tuple[Share, ...]:
         """The shares that there are, one a level."""
-        if isinstance(self.coverage, Share):
-            return (self.coverage,)
-        return self.coverage or ()
+        return (self.coverage,) if isinstance(self.coverage, Share) else self.coverage or ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +138,12 @@ class PlanOfStudy:
     failed: int
 
 
+def estimated(problem: Problem) -> Index:
+    """(m,) indices of the offsets that are estimated."""
+    parameters = problem.parameters
+    return np.flatnonzero(parameters.free & parameters.group("offset"))
+
+
 def accuracy(error: Matrix, std: Matrix) -> ErrorStatistics:
     """Of R estimates of one parameter: `error` (R,) is estimate minus truth, `std` (R,) the standard
     uncertainty stated with each; without any number where there are fewer than two."""
@@ -174,57 +179,53 @@ def by_stds(off: Matrix, level: float) -> int:
 
 
 def observed(
-    items: Sequence[Parameter],
-    status: Sequence[Status],
-    judged: Sequence[bool],
+    problem: Problem,
     error: Matrix,
     std: Matrix,
     kept: Mask,
-    alarm: float,
+    *,
+    claims: bool = False,
     levels: Sequence[float] = (0.95,),
     held: Callable[[int, Mask, float], int] | None = None,
 ) -> tuple[ObservedParameter, ...]:
-    """The rows of m parameters over R runs with `error` and `std` (R, m), deg or mm, nan where a run does not
-    determine the parameter, of the runs `kept` (R,).
+    """The rows of the m offsets of a problem over R runs with `error` and `std` (R, m), deg or mm, nan where
+    a run does not determine the offset, of the runs `kept` (R,).
 
-    Those that are not `judged` have no number. `alarm` is the probability of a false alarm over all. `held`
-    counts the intervals of parameter j in runs of a level that contain the true value (by default ± k u).
+    What the nominal arm does not determine has no number, even if single runs were lucky enough to claim one,
+    unless the part `claims` it: a control is judged by the numbers that it would have given. ALARM is over
+    all. `held` counts the intervals of offset j in runs of a level that contain the true value (by default
+    ± k u).
     """
-    alarm /= max(sum(judged) * len(levels), 1)
-    rows = []
-    for j, item in enumerate(items):
-        shares: tuple[Share, ...] = ()
-        errors, some = ErrorStatistics(), kept & np.isfinite(std[:, j])
+    which, statuses = estimated(problem), identify(problem, problem.nominal()).status
+    judged = [claims or has_numbers(statuses[i]) for i in which]
+    alarm, rows = ALARM / max(sum(judged) * len(levels), 1), []
+    for j, i in enumerate(which):
+        item, some = problem.parameters.items[i], kept & np.isfinite(std[:, j])
+        shares, errors = tuple[Share, ...](), ErrorStatistics()
         if judged[j] and some.any():
             off = error[some, j] / std[some, j]
             errors = accuracy(error[some, j], std[some, j])
             counts = [by_stds(off, at) if held is None else held(j, some, at) for at in levels]
-            shares = tuple(
-                held_share(count, len(off), at, alarm) for count, at in zip(counts, levels, strict=True)
-            )
+            shares = tuple(held_share(n, len(off), at, alarm) for n, at in zip(counts, levels, strict=True))
         coverage = shares if len(levels) > 1 else shares[0] if shares else None
-        rows.append(ObservedParameter(item.name, item.unit, status[j], *errors, coverage))
+        rows.append(ObservedParameter(item.name, item.unit, statuses[i], *errors, coverage))
     return tuple(rows)
 
 
-def all_agree(rows: Iterable[ObservedParameter]) -> bool:
-    """Whether there are shares and all agree."""
-    shares = [share for row in rows for share in row.shares]
-    return bool(shares) and all(share.agrees for share in shares)
-
-
-def worst_share(
-    rows: Iterable[ObservedParameter], agrees: bool, control: bool, *, level: float = 0.95, more: str = ""
-) -> str:
-    """The share farthest from its level in words, and whether the intervals are as stated; of a control,
-    whether it is detected."""
-    shares = [(abs(one.share - level), row.name, one) for row in rows for one in row.shares]
-    shares = [entry for entry in shares if entry[-1].level == level]
+def judged_shares(
+    rows: Iterable[ObservedParameter], control: bool, *, level: float = 0.95, more: str = ""
+) -> tuple[bool, str]:
+    """Whether there are shares and all agree; and the share farthest from its level in words, with whether
+    the intervals are as stated, of a control whether it is detected."""
+    shares = [(row.name, one) for row in rows for one in row.shares]
+    agrees = bool(shares) and all(one.agrees for _, one in shares)
     if not shares:
-        return "All offsets are unidentifiable"
-    _, name, worst = max(shares, key=lambda entry: entry[0])
+        return agrees, "All offsets are unidentifiable"
+    name, worst = max(
+        (entry for entry in shares if entry[1].level == level), key=lambda entry: abs(entry[1].share - level)
+    )
     verdict = ("as stated", "not as stated", "not detected", "detected as wrong")[2 * control + (not agrees)]
-    return (
+    return agrees, (
         f"{100 * level:g} % intervals contain the true value in {100 * worst.share:.1f} % at the worst"
         f" ({label(name)}){more}: {verdict}"
     )

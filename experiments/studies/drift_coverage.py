@@ -7,7 +7,7 @@ Every other arm has one jump. The control ignores the correlation of the offsets
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -91,24 +91,6 @@ class DriftStudy(StudyAnswer):
     power: tuple[Power, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Arm:
-    series: Series
-    true: Matrix  # (T, m)
-    jump: tuple[int, int, float] | None  # interval, offset, size in u
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """Some arms by their numbers, and the plan by which all are measured."""
-
-    seed: int
-    numbers: tuple[int, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    covariance: Matrix
-
-
 @dataclass(frozen=True)
 class JudgedArm:
     """Whether the intervals hold, and whether there was an alarm; of an arm without a jump one p-value, else
@@ -123,27 +105,47 @@ class JudgedArm:
     found: bool
 
 
+class _Piece(NamedTuple):
+    """Some arms by their numbers, and the plan by which all are measured."""
+
+    seed: int
+    numbers: tuple[int, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    covariance: Matrix
+
+
 def drift_study(arms: int, engine: Engine) -> DriftStudy:
     """Simulate and judge so many arms."""
-    judged = _judged(arms, engine)
+    with one_blas_thread(), compiled_at_once():
+        plan = _plan()
+    firsts = range(0, arms, _SIZE)
+    pieces = [_Piece(engine.seed, tuple(range(at, min(at + _SIZE, arms))), *plan) for at in firsts]
+    answers = engine.each("drift", tuple[JudgedArm, ...], _answer_of, pieces, arms=arms, piece=_SIZE)
+    judged = [arm for answer in answers for arm in answer]
     intervals, along_axis, control = (
         held_share(sum(getattr(arm, name) for arm in judged), arms, LEVEL, _FALSE_ALARM)
         for name in ("held", "on_axis", "by_control")
     )
     still = [arm for arm in judged if arm.p_value is not None]
     quiet, alarmed = len(still), sum(arm.alarmed for arm in still)
-    low, high = share_interval(alarmed, quiet)
     p_uniform = float(stats.kstest([arm.p_value for arm in still], "uniform").pvalue)
     too_many = stats.binomtest(alarmed, quiet, ALARM, alternative="greater").pvalue < _FALSE_ALARM
-    agreeing = bool(not too_many and p_uniform >= _FALSE_ALARM)
-    alarms = Alarms(quiet, alarmed, alarmed / quiet, low, high, p_uniform, agreeing)
+    rare = bool(not too_many and p_uniform >= _FALSE_ALARM)
     hold = intervals.agrees and along_axis.agrees
-    detections = {size: [arm.found for arm in judged if arm.size_u == size] for size in _SIZES}
+    power = []
+    for size in _SIZES:
+        detected = [arm.found for arm in judged if arm.size_u == size]
+        if detected:
+            power.append(Power(size, *_share(sum(detected), len(detected))))
+    alarm_share = _share(alarmed, quiet)
     return DriftStudy(
         study="drift",
         title="Do intervals and alarms of a drift hold?",
-        headline=_headline(hold, alarms, control),
-        agrees=hold and alarms.agrees and not control.agrees,
+        headline=f"The intervals {'hold' if hold else 'do not hold'}, false alarms are"
+        f" {'at most as often as stated' if rare else 'not as stated'}; the control without correlations"
+        f" {'is not found wrong' if control.agrees else 'is found wrong'}.",
+        agrees=hold and rare and not control.agrees,
         notes=(),
         settings=DriftSettings(
             arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _FALSE_ALARM, engine.seed
@@ -151,23 +153,14 @@ def drift_study(arms: int, engine: Engine) -> DriftStudy:
         intervals=intervals,
         along_axis=along_axis,
         control=control,
-        alarms=alarms,
-        power=tuple(_power(size, detected) for size, detected in detections.items() if detected),
+        alarms=Alarms(quiet, alarmed, *alarm_share[2:], p_uniform, rare),
+        power=tuple(power),
     )
 
 
-def _judged(arms: int, engine: Engine) -> list[JudgedArm]:
-    with one_blas_thread(), compiled_at_once():
-        names, units, covariance = _plan()
-    pieces = [
-        _Piece(engine.seed, tuple(range(first, min(first + _SIZE, arms))), names, units, covariance)
-        for first in range(0, arms, _SIZE)
-    ]
-    return [
-        arm
-        for answer in engine.each("drift", tuple[JudgedArm, ...], _answer_of, pieces, arms=arms, piece=_SIZE)
-        for arm in answer
-    ]
+def _share(count: int, of: int) -> tuple[int, int, float, float, float]:
+    """So many of so many, the share, and its 95 % interval."""
+    return count, of, count / of, *share_interval(count, of)
 
 
 def _answer_of(piece: _Piece) -> tuple[JudgedArm, ...]:
@@ -176,33 +169,23 @@ def _answer_of(piece: _Piece) -> tuple[JudgedArm, ...]:
 
 
 def _judged_arm(piece: _Piece, number: int, axis: Matrix) -> JudgedArm:
-    names, random = piece.names, np.random.default_rng([piece.seed, number])
-    arm = _simulated(random, names, piece.units, piece.covariance, number)
-    judged, control = drift(arm.series, seed=number), drift(_uncorrelated(arm.series), seed=number)
-    t, along = int(random.integers(_RESULTS)), random.normal(size=len(names))
+    random = np.random.default_rng([piece.seed, number])
+    series, true, jump = _simulated(random, piece, number)
+    alone = tuple(replace(one, covariance=np.diag(np.diag(one.covariance))) for one in series.observations)
+    judged = drift(series, seed=number)
+    control = drift(replace(series, observations=alone), seed=number)  # as if nothing were correlated
+    t, along = int(random.integers(_RESULTS)), random.normal(size=len(piece.names))
     held = (
-        _holds(judged, t, along, arm.true[t]),
-        _holds(judged, t, axis, arm.true[t]),
-        _holds(control, t, axis, arm.true[t]),
+        _holds(judged, t, along, true[t]),
+        _holds(judged, t, axis, true[t]),
+        _holds(control, t, axis, true[t]),
     )
-    if arm.jump is None:
+    if jump is None:
         p_value = float(random.choice(judged.p_first[np.isfinite(judged.p_first)]))
         return JudgedArm(*held, bool(judged.jumps), p_value, None, False)
-    after, joint, size = arm.jump
-    detected = any((one.place, one.offset) == (after, names[joint]) for one in judged.jumps)
+    after, joint, size = jump
+    detected = any((one.place, one.offset) == (after, piece.names[joint]) for one in judged.jumps)
     return JudgedArm(*held, bool(judged.jumps), None, size, detected)
-
-
-def _headline(hold: bool, alarms: Alarms, control: Share) -> str:
-    held = "hold" if hold else "do not hold"
-    rate = "at most as often as stated" if alarms.agrees else "not as stated"
-    other = "is found wrong" if not control.agrees else "is not found wrong"
-    return f"The intervals {held}, false alarms are {rate}; the control without correlations {other}."
-
-
-def _power(size: float, detected: list[bool]) -> Power:
-    count, of = sum(detected), len(detected)
-    return Power(size, count, of, count / of, *share_interval(count, of))
 
 
 def _plan() -> tuple[tuple[str, ...], tuple[str, ...], Matrix]:
@@ -222,13 +205,11 @@ def _principal_axis(covariance: Matrix) -> Matrix:
 
 
 def _simulated(
-    random: np.random.Generator,
-    names: tuple[str, ...],
-    units: tuple[str, ...],
-    covariance: Matrix,
-    number: int,
-) -> _Arm:
-    size = len(names)
+    random: np.random.Generator, piece: _Piece, number: int
+) -> tuple[Series, Matrix, tuple[int, int, float] | None]:
+    """The results of an arm, its true offsets (T, m), and its jump, if it has one: after which result, of
+    which offset, size in u."""
+    covariance, size = piece.covariance, len(piece.names)
     rates = MEDIAN * np.exp(SPREAD * random.normal(size=size))
     steps = random.normal(size=(_RESULTS - 1, size)) * rates * np.sqrt(_QUARTER)
     true = np.cumsum(np.vstack([random.normal(size=size), steps]), axis=0)
@@ -242,20 +223,9 @@ def _simulated(
         scaled = covariance * random.uniform(_BETTER, _WORSE) ** 2
         values = random.multivariate_normal(true[t], scaled)
         kept = np.arange(int(random.random() < _LOST), size)
-        named = tuple(names[i] for i in kept)
-        part = scaled[np.ix_(kept, kept)]
+        named, part = tuple(piece.names[i] for i in kept), scaled[np.ix_(kept, kept)]
         observations.append(Observation(t * _QUARTER, named, values[kept], part, np.zeros_like(part)))
-    return _Arm(series_of(observations, dict(zip(names, units, strict=True))), true, jump)
-
-
-def _uncorrelated(series: Series) -> Series:
-    """The control: every result with the variances of its offsets alone."""
-    return replace(
-        series,
-        observations=tuple(
-            replace(one, covariance=np.diag(np.diag(one.covariance))) for one in series.observations
-        ),
-    )
+    return series_of(observations, dict(zip(piece.names, piece.units, strict=True))), true, jump
 
 
 def _holds(judged: Drift, t: int, along: Matrix, true: Matrix) -> bool:

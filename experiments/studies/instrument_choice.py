@@ -126,28 +126,24 @@ class InstrumentsStudy(StudyAnswer):
     setups: tuple[SetupCase, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _SetupToPlan:
-    """A setup of a file, by its index."""
-
-    file: Path
-    index: int
-    seed: int
-
-
-def instruments_study(
-    setups: Path | None,
-    engine: Engine,
-) -> InstrumentsStudy:
+def instruments_study(setups: Path | None, engine: Engine) -> InstrumentsStudy:
     """Carry the study out, of the built-in setups or of those of a file."""
     path = BUILT_IN if setups is None else setups
     content = read_model(SetupsFile, path)
     for setup in content.setups:
         with located(path):
             _header(content, setup)
-    pieces = [_SetupToPlan(path, index, engine.seed) for index in range(len(content.setups))]
+    pieces = [(path, index, engine.seed) for index in range(len(content.setups))]
     names = [setup.name for setup in content.setups]
     cases = tuple(engine.each("instruments", SetupCase, _case, pieces, setups=names))
+    settings = InstrumentsSettings(
+        content.robot,
+        content.joint_deg,
+        content.tcp_mm,
+        tuple(content.measurements),
+        _CANDIDATES,
+        engine.seed,
+    )
     return InstrumentsStudy(
         study="instruments",
         title="Which instrument, and how many measurements?",
@@ -159,14 +155,7 @@ def instruments_study(
             "The error of the TCP is that which the uncertainty of the estimates makes, in the base frame of"
             " joint 1, with offsets and geometry in the controller.",
         ),
-        settings=InstrumentsSettings(
-            content.robot,
-            content.joint_deg,
-            content.tcp_mm,
-            tuple(content.measurements),
-            _CANDIDATES,
-            engine.seed,
-        ),
+        settings=settings,
         setups=cases,
     )
 
@@ -178,29 +167,28 @@ def _header(content: SetupsFile, setup: StatedSetup) -> Header:
     return validate(Header, keys, file=None, line=lambda _: None)
 
 
-def _case(piece: _SetupToPlan) -> SetupCase:
-    content = read_model(SetupsFile, piece.file)
-    setup = content.setups[piece.index]
-    header, folder = _header(content, setup), piece.file.parent
-    robot, parts = load_robot(header.robot, folder), setup.measure
-    whole = sum(part.share for part in parts.values())
+def _case(piece: tuple[Path, int, int]) -> SetupCase:
+    """A setup of a file, by its index, planned with a seed."""
+    file, index, seed = piece
+    content = read_model(SetupsFile, file)
+    setup = content.setups[index]
+    header, parts = _header(content, setup), setup.measure
+    robot, whole = load_robot(header.robot, file.parent), sum(part.share for part in parts.values())
     request = PlanRequest(
         header=header,
-        header_folder=folder,
+        header_folder=file.parent,
         measure={label: Portion(part.share) for label, part in parts.items()},
         candidates=_CANDIDATES,
         max_shots=2,
-        seed=piece.seed,
+        seed=seed,
     )
     pools = candidate_pools(request, header, robot, portions(request), lambda share: None)
-    planner = Planner(header, robot, {}, pools)
-    plans = []
+    planner, plans = Planner(header, robot, {}, pools), []
     for count in content.measurements:
         counts = {label: max(round(count * part.share / whole), 1) for label, part in parts.items()}
-        proposal = planner.optimal(counts, seed=piece.seed, starts=4)
+        proposal = planner.optimal(counts, seed=seed, starts=4)
         each = {label: part.minutes or header.kinds[label].minutes for label, part in parts.items()}
-        minutes = sum(counts[label] * each[label] for label in parts)
-        minutes += (proposal.travel_s or 0.0) / 60
+        minutes = sum(counts[label] * each[label] for label in parts) + (proposal.travel_s or 0.0) / 60
         plans.append(_predicted(header, robot, proposal, counts, minutes, np.array(content.tcp_mm)))
     return SetupCase(setup.name, setup.cost, tuple(plans))
 
@@ -214,16 +202,12 @@ def _predicted(
     problem = planned.at_predicted(x)
     with one_blas_thread():
         covariance, status = predicted_covariance(problem, x), identify(problem, x).status
-    parameters = problem.parameters
-    offsets = [item for item in parameters.items if item.group == "offset"]
-    undetermined = [
-        item.name for item, each in zip(offsets, status, strict=False) if each == "unidentifiable"
-    ]
-    joints = region_postures(problem, _TCP_POSTURES)
-    _, jacobian = tool_point(problem, x, tcp, joints)
-    moving = moving_offsets(problem, jacobian)
+    offsets = [item for item in problem.parameters.items if item.group == "offset"]
+    pairs = zip(offsets, status, strict=False)
+    undetermined = tuple(item.name for item, each in pairs if each == "unidentifiable")
+    _, jacobian = tool_point(problem, x, tcp, region_postures(problem, _TCP_POSTURES))
     tcp_mm = None
-    if not (moving & undetermined_offsets(problem, status)).any():
+    if not (moving_offsets(problem, jacobian) & undetermined_offsets(problem, status)).any():
         spread = arm_covariance(problem, covariance)
         tcp_mm = float(np.sqrt(np.einsum("pka,ab,pkb->p", jacobian, spread, jacobian).mean()))
     return SetupPlan(
@@ -233,7 +217,7 @@ def _predicted(
         worst_u=None if undetermined else proposal.worst,
         worst=None if undetermined else max(proposal.std, key=proposal.std.__getitem__),
         tcp_mm=tcp_mm,
-        undetermined=tuple(undetermined),
+        undetermined=undetermined,
         efficiency=proposal.efficiency,
     )
 
@@ -245,13 +229,10 @@ def _headline(cases: tuple[SetupCase, ...]) -> str:
         return "No setup determines all offsets."
     best, plan = min(last, key=lambda each: each[1].worst_u or np.inf)
     cheap, other = min(last, key=lambda each: (each[0].cost, each[1].worst_u or np.inf))
+    least, less = (numbers.spread(one.worst_u or 0.0, "deg") for one in (plan, other))
     sentence = (
         f"With {plan.measurements} measurements {best.name} leaves the smallest uncertainty of the offsets:"
-        f" u = {numbers.spread(plan.worst_u or 0.0, 'deg')}."
+        f" u = {least}."
     )
-    if cheap is not best:
-        sentence += (
-            f" Of the cheapest that determine all offsets {cheap.name} leaves"
-            f" {numbers.spread(other.worst_u or 0.0, 'deg')}."
-        )
-    return sentence
+    more = f" Of the cheapest that determine all offsets {cheap.name} leaves {less}."
+    return sentence if cheap is best else sentence + more

@@ -24,10 +24,9 @@ from ...model.records import it, record
 from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, CellFile
 from .answer import StudyAnswer
-from .campaign import CellRun, Repeated, SeededRun, carried, seeds_of
 from .cases import Engine
-from .cell import CANDIDATES, optimal_plan, paper_plan
-from .laser_plans import MEASUREMENTS, laser_header
+from .cell import OPTIMAL, Y_PATTERN, CellRun, Repeated, carried, optimal_plan, paper_plan, seeds_of
+from .data_sets import laser_header
 
 OFFSETS = ("delta2", "delta3", "delta4", "delta5", "delta6")
 EXPERIMENTS = np.array(
@@ -238,11 +237,7 @@ def along_axes(covariance: Matrix, scattered: Matrix) -> Matrix:
     return np.asarray(np.einsum("pa,...pq,qa->...a", axes, scattered, axes) / variance)
 
 
-def table2_study(
-    engine: Engine,
-    *,
-    triples: int = TRIPLES,
-) -> Table2Study:
+def table2_study(engine: Engine, *, triples: int = TRIPLES) -> Table2Study:
     """Carry out the whole study.
 
     It agrees if three runs through the simulated cell, at the noise that explains the paper's scatter,
@@ -250,26 +245,18 @@ def table2_study(
     """
     header = laser_header(_NOMINAL_DEG, _SPOT_MM)
     engine.progress("plans", 0.0)
-    truth = dict(zip(OFFSETS, EXPERIMENTS.mean(axis=0).tolist(), strict=True))
+    mean, std = EXPERIMENTS.mean(axis=0).tolist(), EXPERIMENTS.std(axis=0, ddof=1).tolist()
+    truth = dict(zip(OFFSETS, mean, strict=True))
     plans = [
-        (
-            "y-pattern",
-            f"our Y-Pattern of {MEASUREMENTS} measurements over the arm's whole reach",
-            paper_plan(header),
-        ),
-        (
-            "optimal",
-            f"{MEASUREMENTS} A-optimal measurements of {CANDIDATES} postures",
-            optimal_plan(header, engine.seed),
-        ),
+        ("y-pattern", f"our {Y_PATTERN}", paper_plan(header)),
+        ("optimal", OPTIMAL, optimal_plan(header, engine.seed)),
     ]
-    dof = len(EXPERIMENTS) - 1
     predictions = [Prediction(plan, truth) for _, _, plan in plans]
-    noises = [explained(p.covariance, scatter(EXPERIMENTS), dof) for p in predictions]
+    noises = [explained(one.covariance, scatter(EXPERIMENTS), len(EXPERIMENTS) - 1) for one in predictions]
     cell = CellFile(arm=ArmInCell(offsets_deg=truth))
     normal = np.random.default_rng(engine.seed).normal(size=(len(plans), triples, *EXPERIMENTS.shape))
     pieces = [
-        SeededRun(Repeated(_with_noise(plan, noise.joint_deg), cell), one)
+        (Repeated(_with_noise(plan, noise.joint_deg), cell), one)
         for (_, _, plan), noise in zip(plans, noises, strict=True)
         for one in seeds_of(engine.seed, len(EXPERIMENTS))
     ]
@@ -277,8 +264,8 @@ def table2_study(
     answers = []
     for k, (name, words, plan) in enumerate(plans):
         of_plan = runs[k * len(EXPERIMENTS) : (k + 1) * len(EXPERIMENTS)]
-        estimates_of_runs = [run.estimates.offsets for run in of_plan if run.estimates is not None]
-        whole = [one for one in estimates_of_runs if set(one) == set(OFFSETS)]
+        whole = [run.estimates.offsets for run in of_plan if run.estimates is not None]
+        whole = [one for one in whole if set(one) == set(OFFSETS)]
         estimates = np.array([[one[offset][0] for offset in OFFSETS] for one in whole])
         count = len(plan.postures)
         answers.append(compared(name, words, count, predictions[k], noises[k], estimates, normal[k]))
@@ -295,8 +282,8 @@ def table2_study(
         paper=PaperTable(
             offsets=OFFSETS,
             experiments=tuple(tuple(run) for run in EXPERIMENTS.tolist()),
-            mean=tuple(EXPERIMENTS.mean(axis=0).tolist()),
-            std=tuple(EXPERIMENTS.std(axis=0, ddof=1).tolist()),
+            mean=tuple(mean),
+            std=tuple(std),
             printed_mean=PRINTED_MEAN,
             printed_std=PRINTED_STD,
             notes=tuple(_on_the_paper()),

@@ -1,6 +1,6 @@
 """What does an answer say when something is wrong? Many wrong models, each with random arms, analysed.
 
-Each arm has deviations of typical sizes and one thing that is wrong (`wrong_scenarios`); it is solved and
+Each arm has deviations of typical sizes and one thing that is wrong (`wrong_arms`); it is solved and
 judged as `analyse` does with a header that states nothing of the geometry. Counted are verdicts, errors of
 the offsets of those that pass, and whether the diagnosis of a misfit names the cause. The first scenario is
 the control.
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -21,19 +20,15 @@ from ...analysis.ladder import solve_run
 from ...analysis.observability.changes import Displacement, RunChange
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix
-from ...model.files.from_arrays import Laser
 from ...model.files.header import Header
-from ...model.files.robot_file import load_robot
 from ...model.instruments.flange_tool import flange_tool
 from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ...words.wording import listed
-from ..plans.candidates import candidates
-from ..plans.optimal import Planner
 from .answer import StudyAnswer
 from .cases import Engine
-from .wrong_arms import Course, recorded, typical
-from .wrong_scenarios import Scenario, scenarios
+from .data_sets import laser_header, planner, robot_of
+from .wrong_arms import Course, Scenario, recorded, scenarios, typical
 
 MEASUREMENTS = (7, 12, 30)
 LIMIT_U = 4.0
@@ -104,16 +99,6 @@ class WrongModelsStudy(StudyAnswer):
     models: tuple[WrongModel, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _ScenarioWithPlan:
-    """A scenario by its name, with a plan."""
-
-    scenario: str
-    postures: Matrix
-    arms: int
-    seed: int
-
-
 def wrong_models_study(
     arms: int,
     engine: Engine,
@@ -124,33 +109,34 @@ def wrong_models_study(
     """Carry the study out, of all scenarios or of those with these `names`."""
     chosen = [one for one in scenarios() if names is None or one.name in names]
     engine.progress("plans", 0.0)
-    plans = {
-        (robot, count): plan_of(robot, count, engine.seed)
-        for robot in dict.fromkeys(one.measured for one in chosen)
-        for count in measurements
-    }
+    robots = dict.fromkeys(one.measured for one in chosen)
+    plans = {(robot, count): plan_of(robot, count, engine.seed) for robot in robots for count in measurements}
     pieces = [
-        _ScenarioWithPlan(one.name, plans[one.measured, count], arms, engine.seed)
-        for one in chosen
-        for count in measurements
+        (one.name, plans[one.measured, count], arms, engine.seed) for one in chosen for count in measurements
     ]
-    models = tuple(
-        engine.each(
-            "wrong-models",
-            WrongModel,
-            _model_of,
-            pieces,
-            arms=arms,
-            measurements=list(measurements),
-            scenarios=len(chosen),
-        )
+    counts, of = list(measurements), len(chosen)
+    models = engine.each(
+        "wrong-models", WrongModel, _model_of, pieces, arms=arms, measurements=counts, scenarios=of
     )
     broken = list(dict.fromkeys(one.scenario for one in models if not one.holds))
-    unnamed = _unnamed(models)
+    # Whose cause is named wrong in more than one of ten decided misfits.
+    nameable = [one for one in models if one.nameable and one.measurements >= _FEWEST_TO_NAME]
+    wrong = [one.scenario for one in nameable if one.decided_right < LEAST_NAMED * one.decided]
+    unnamed = list(dict.fromkeys(wrong))
+    right, decided = (sum(getattr(one, key) for one in nameable) for key in ("decided_right", "decided"))
+    parts = [
+        f"{len({one.scenario for one in models})} scenarios: of {decided} misfits whose cause"
+        f" {_FEWEST_TO_NAME} measurements or more decide, {right} name the right one.",
+        f"Passes with an offset beyond {LIMIT_U:g} u and without a warning: {listed(broken, 12)}."
+        if broken
+        else "In no scenario do more than 1 % of the arms pass with an offset beyond"
+        f" {LIMIT_U:g} u and without a warning.",
+        *([f"Named wrong too often: {listed(unnamed, 8)}."] if unnamed else []),
+    ]
     return WrongModelsStudy(
         study="wrong-models",
         title="What does an answer say when something is wrong?",
-        headline=_headline(models, broken, unnamed),
+        headline=" ".join(parts),
         agrees=not broken and not unnamed,
         notes=(
             "Each arm has links, gravity, harmonics and a tool that deviate by the default tolerances, a"
@@ -159,48 +145,42 @@ def wrong_models_study(
             "Where something changes during the run, the true offsets are those at its beginning.",
         ),
         settings=WrongModelsSettings(arms, engine.seed, tuple(measurements), LIMIT_U, DECIDED),
-        models=models,
+        models=tuple(models),
     )
 
 
 def header_of(robot: str) -> Header:
     """The header of a run of this arm with the laser and the PSD of the study: nothing of the geometry."""
-    return Header.model_validate(
-        {
-            "robot": robot,
-            "tool": Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)).content(),
-            "noise": {"joint_deg": _JOINT_DEG, "spot_mm": _SPOT_MM},
-            "targets": {"psd": {"guess_mm": list(_TARGETS[robot]), "sigma_mm": 30.0}},
-        }
-    )
+    return laser_header(_JOINT_DEG, _SPOT_MM, 30.0, robot=robot, target=_TARGETS[robot], exact=False)
 
 
 def plan_of(robot: str, count: int, seed: int) -> Matrix:
     """(count, n) rad: the best of some random postures."""
-    header, arm, target = header_of(robot), load_robot(robot, Path()), np.array(_TARGETS[robot])
-    random_postures = candidates(header, arm, target, _CANDIDATES, seed=seed)
-    return Planner(header, arm, {"psd": target}, [random_postures]).optimal(count, seed=seed).postures
+    return planner(header_of(robot), _CANDIDATES, seed).optimal(count, seed=seed).postures
 
 
-def _model_of(piece: _ScenarioWithPlan) -> WrongModel:
-    (scenario,) = (one for one in scenarios() if one.name == piece.scenario)
+def _model_of(piece: tuple[str, Matrix, int, int]) -> WrongModel:
+    """A scenario by its name with the postures of a plan; so many arms, with a seed."""
+    name, postures, arms, seed = piece
+    (scenario,) = (one for one in scenarios() if one.name == name)
     with one_blas_thread():
         judged = [
             (course, solution, diagnose(solution))
-            for course, solution in _solved(scenario, piece.postures, piece.arms, piece.seed)
+            for course, solution in _solved(scenario, postures, arms, seed)
         ]
-    passes = [
-        (_errors(course, solution), _subject_to(solution))
-        for course, solution, _ in judged
-        if solution.verdict == "pass"
+    passes = [(_errors(course, one), one) for course, one, _ in judged if one.verdict == "pass"]
+    # The wrong models without which a pass is stated.
+    beyond = [
+        {row.wrong for row in one.power if row.dangerous}
+        for off, one in passes
+        if (np.abs(off) > LIMIT_U).any()
     ]
-    beyond = [subject_to for off, subject_to in passes if (np.abs(off) > LIMIT_U).any()]
     misfits = [_named(solution, explained) for _, solution, explained in judged if solution.misfit]
+    right = [decided for cause, joints, decided in misfits if scenario.is_named_by(cause, joints)]
     errors = np.concatenate([off for off, _ in passes]) if passes else np.zeros(0)
-
     return WrongModel(
         scenario=scenario.name,
-        measurements=len(piece.postures),
+        measurements=len(postures),
         arms=len(judged),
         passes=len(passes),
         misfits=len(misfits),
@@ -211,23 +191,19 @@ def _model_of(piece: _ScenarioWithPlan) -> WrongModel:
         unsaid=sum(scenario.condition not in subject_to for subject_to in beyond),
         nameable=bool(scenario.named),
         noticeable=scenario.noticeable,
-        named=sum(scenario.is_named_by(cause, joints) for cause, joints, _ in misfits),
+        named=len(right),
         decided=sum(decided for _, _, decided in misfits),
-        decided_right=sum(
-            scenario.is_named_by(cause, joints) and decided for cause, joints, decided in misfits
-        ),
+        decided_right=sum(right),
     )
 
 
-def _subject_to(solution: Solution) -> set[str]:
-    """The wrong models without which a pass is stated."""
-    return {row.wrong for row in solution.power if row.dangerous}
-
-
 def _named(solution: Solution, explained: Sequence[Explanation]) -> tuple[str, tuple[int, ...], bool]:
-    """Cause and joints by which a misfit is named first, and whether the measurements decide that."""
+    """Cause and joints by which a misfit is named first, and whether the measurements decide that: the best
+    explanation leaves its rivals of other causes behind."""
     if explained:
-        return explained[0].cause, explained[0].joints, _is_decided(explained)
+        best = explained[0]
+        rivals = [one.odds for one in explained if (one.cause, one.joints) != (best.cause, best.joints)]
+        return best.cause, best.joints, max(rivals, default=0.0) * DECIDED < 1
     assert solution.misfit is not None
     for one in solution.misfit.criteria:
         if isinstance(one, RunChange):
@@ -237,32 +213,21 @@ def _named(solution: Solution, explained: Sequence[Explanation]) -> tuple[str, t
     return "", (), False
 
 
-def _is_decided(explained: Sequence[Explanation]) -> bool:
-    """Whether the best explanation leaves its rivals of other causes behind."""
-    if not explained:
-        return False
-    best = explained[0]
-    rivals = [one.odds for one in explained if (one.cause, one.joints) != (best.cause, best.joints)]
-    return max(rivals, default=0.0) * DECIDED < 1
-
-
 def _solved(scenario: Scenario, postures: Matrix, arms: int, seed: int) -> list[tuple[Course, Solution]]:
     """So many arms of a scenario, measured and solved."""
-    name, count = scenario.measured, len(postures)
-    header, robot = header_of(name), load_robot(name, Path())
+    count, header = len(postures), header_of(scenario.measured)
+    robot = robot_of(header)
     nominal = Problem.build(header, robot, postures, ["psd"] * count)
-    tool = flange_tool(nominal.tool)
-    wrong, target = scenario.robot(robot), np.array(_TARGETS[name])
-    solved: list[tuple[Course, Solution]] = []
+    tool, target = flange_tool(nominal.tool), np.array(_TARGETS[scenario.measured])
+    wrong, solved = scenario.robot(robot), list[tuple[Course, Solution]]()
     for tried in range(3 * arms):
         rng = np.random.default_rng([seed, count, tried])
         course = scenario.course(typical(robot, nominal.geometry, tool, target, count, rng))
         readings = recorded(course, postures, nominal.noise.joint, nominal.noise.spot, tool, rng)
-        if readings is None:
-            continue
-        joints, spots = scenario.readings(*readings)
-        problem = Problem.build(header, wrong, joints, ["psd"] * count, spots)
-        solved.append((course, solve_run(problem, header)))
+        if readings is not None:
+            joints, spots = scenario.readings(*readings)
+            problem = Problem.build(header, wrong, joints, ["psd"] * count, spots)
+            solved.append((course, solve_run(problem, header)))
         if len(solved) == arms:
             break
     return solved
@@ -278,37 +243,3 @@ def _errors(course: Course, solution: Solution) -> Matrix:
             if row.estimate is not None and row.std is not None and not row.held
         ]
     )
-
-
-def _unnamed(models: Sequence[WrongModel]) -> list[str]:
-    """Scenarios whose cause is named wrong in more than one of ten decided misfits."""
-    return list(
-        dict.fromkeys(
-            one.scenario
-            for one in models
-            if one.nameable
-            and one.measurements >= _FEWEST_TO_NAME
-            and one.decided_right < LEAST_NAMED * one.decided
-        )
-    )
-
-
-def _headline(models: Sequence[WrongModel], broken: Sequence[str], unnamed: Sequence[str]) -> str:
-    named = [one for one in models if one.nameable and one.measurements >= _FEWEST_TO_NAME]
-    right, decided = (sum(getattr(one, key) for one in named) for key in ("decided_right", "decided"))
-    parts = [
-        f"{len({one.scenario for one in models})} scenarios: of {decided} misfits whose cause"
-        f" {_FEWEST_TO_NAME} measurements or more decide, {right} name the right one."
-    ]
-    if broken:
-        parts.append(
-            f"Passes with an offset beyond {LIMIT_U:g} u and without a warning: {listed(list(broken), 12)}."
-        )
-    else:
-        parts.append(
-            "In no scenario do more than 1 % of the arms pass with an offset beyond"
-            f" {LIMIT_U:g} u and without a warning."
-        )
-    if unnamed:
-        parts.append(f"Named wrong too often: {listed(list(unnamed), 8)}.")
-    return " ".join(parts)

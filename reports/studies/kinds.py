@@ -1,82 +1,34 @@
-"""The studies that can be shown: to add one, write its page with pictures and plain tables, enter it here."""
+"""The studies that can be shown, and their folder: to add one, write how it is shown, and enter it here."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from ...experiments.studies.answer import SCHEMA, StudyAnswer
 from ...experiments.studies.sweeps.grid_answer import GridStudy
 from ...model.records import to_json
 from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..style.blocks import Page
-from ..style.canvas import Picture
-from . import cell_page, coverage_page, drift_page, geometry_page, instruments_page, sweep_page, table2_page
-from . import wrong_models_page as wrong_models
-from .study_blocks import PlainRow
-from .sweep_figures import sweep_pictures
+from .drift_page import DRIFT
+from .instruments_page import INSTRUMENTS
+from .interval_pages import CELL, COVERAGE, GEOMETRY
+from .study_blocks import Study
+from .sweep_page import SWEEP
+from .table2_page import TABLE2
+from .wrong_models_page import WRONG_MODELS
 
-Answer = TypeVar("Answer")
-
-
-@dataclass(frozen=True)
-class Study(Generic[Answer]):
-    """How an answer of one kind is shown; all of it follows from the answer alone."""
-
-    page: Callable[[Answer], Page]
-    drawn: Callable[[Answer], Sequence[Picture | None]]  # None where a figure has nothing to show
-    tables: Mapping[str, Callable[[Answer], Iterator[PlainRow]]]  # rows by the name of the CSV file
-
-    def pictures(self, answer: Answer) -> dict[str, Picture]:
-        """The figures by name."""
-        return {picture.name: picture for picture in self.drawn(answer) if picture is not None}
-
-
+# All but the studies over settings, which people write themselves, whatever their names.
 STUDIES: dict[str, Study[Any]] = {
-    "coverage": Study(
-        coverage_page.coverage_page,
-        coverage_page.coverage_pictures,
-        {"coverage.csv": coverage_page.coverage_rows, "ranks.csv": coverage_page.rank_rows},
-    ),
-    "cell": Study(
-        cell_page.cell_page,
-        cell_page.cell_pictures,
-        {"parameters.csv": cell_page.PARAMETERS, "time.csv": cell_page.TIMES, "plans.csv": cell_page.PLANS},
-    ),
-    "table2": Study(
-        table2_page.table2_page,
-        table2_page.table2_pictures,
-        {
-            "scatter.csv": table2_page.SCATTER,
-            "plans.csv": table2_page.PLANS,
-            "paper.csv": table2_page.paper_rows,
-        },
-    ),
-    "geometry": Study(
-        geometry_page.geometry_page,
-        geometry_page.geometry_pictures,
-        {"parameters.csv": geometry_page.PARAMETERS, "plans.csv": geometry_page.PLANS},
-    ),
-    "drift": Study(drift_page.drift_page, drift_page.drift_pictures, {"power.csv": drift_page.POWER}),
-    "instruments": Study(
-        instruments_page.instruments_page,
-        instruments_page.instruments_pictures,
-        {"plans.csv": instruments_page.SETUPS},
-    ),
-    "wrong-models": Study(
-        wrong_models.wrong_models_page, lambda answer: [], {"models.csv": wrong_models.MODELS}
-    ),
+    "coverage": COVERAGE,
+    "cell": CELL,
+    "table2": TABLE2,
+    "geometry": GEOMETRY,
+    "drift": DRIFT,
+    "instruments": INSTRUMENTS,
+    "wrong-models": WRONG_MODELS,
 }
-
-# Every study over settings, whatever its name: people write their own.
-SWEEP: Study[GridStudy] = Study(
-    sweep_page.sweep_page,
-    sweep_pictures,
-    {"cases.csv": sweep_page.case_rows, "offsets.csv": sweep_page.parameter_rows},
-)
 
 
 def study_of(answer: StudyAnswer) -> Study[Any]:

@@ -1,4 +1,4 @@
-"""Parts of the pages of studies: facts, shares of intervals with the true value, errors, verdicts, tables.
+"""What an entry of a study states, and what all studies say alike: verdicts, shares, errors, tables.
 
 The mark of an estimator (or of a plan) says whether its intervals contain the true value as often as stated;
 a control is wrong on purpose, so that it must fail.
@@ -8,9 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Protocol, cast
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, cast
 
-from ...experiments.studies.answer import NoiseLevel, ObservedParameter, PlanOfStudy, Share, StudyAnswer
+from ...experiments.studies.answer import (
+    JudgedPart,
+    NoiseLevel,
+    ObservedParameter,
+    PlanOfStudy,
+    Share,
+    StudyAnswer,
+)
 from ...model.arrays import NORMAL_95
 from ...model.records import keys
 from ...words import numbers
@@ -30,6 +38,7 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
+from ..style.canvas import Picture
 
 NOT_DETERMINED = "not determined"
 NOT_GIVEN = "not given"
@@ -64,59 +73,11 @@ _STANDING: dict[tuple[bool, bool], tuple[str, str, str]] = {
 
 PlainRow = dict[str, object]  # a row of a CSV file by the names of its columns
 Cells = Sequence[str | Cell]
+Columns = Sequence[tuple[str, Callable[[Any], str | Cell]]]  # head, and what stands there of a row
+Answer = TypeVar("Answer", bound=StudyAnswer)
 
 
-class Marked(Protocol):
-    """A part with a verdict and parameters: an estimator, its ranks, or a plan."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def control(self) -> bool: ...
-    @property
-    def agrees(self) -> bool: ...
-    @property
-    def sentence(self) -> str: ...
-    @property
-    def parameters(self) -> Sequence[Any]: ...
-
-
-# ── what every study says in the same words ───────────────────────────────────────────────────
-
-
-def view_of(
-    answer: StudyAnswer,
-    subtitle: str,
-    sections: Iterable[Section],
-    tables: str,
-    *,
-    simulated: bool = True,
-    by_the_paper: bool = True,
-    details: Iterable[Section] = (),
-    settings: Sequence[tuple[str, str]] | None = None,
-) -> Page:
-    """The whole page: verdict, notes and title are the answer's; without runs nothing was compared. The
-    paper is cited for studies of its method. Behind
-    the `sections` stands how it was done: the `settings` (default: the answer's), what the `tables` hold;
-    `details` come last."""
-    word = "Predicted" if not simulated else "Agrees" if answer.agrees else "Does not agree"
-    seed, version = answer.settings.seed, answer.versions.get("zerobeam", "")
-    facts = [
-        ("Study", shown(answer.study)),
-        *(settings_facts(answer) if settings is None else settings),
-        ("Time", f"{numbers.significant(answer.seconds, 2)}{numbers.NO_BREAK}s"),
-        ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer.versions.items())),
-        ("To cite", study_citation(answer.study, str(seed), version, by_the_paper=by_the_paper)),
-    ]
-    files = f"study.json beside this page holds every number unrounded; {tables} as plain tables."
-    how = section_of("How it was done", Facts(facts), Paragraph(files))
-    return Page(
-        sentence(answer.title),
-        f"{subtitle}, seed {seed}",
-        Verdict("pass" if answer.agrees else "weak", word, sentence(answer.headline)),
-        [sentence(note) for note in answer.notes],
-        [*sections, how, *details],
-    )
+# ── how a study is shown ──────────────────────────────────────────────────────────────────────
 
 
 def settings_facts(answer: StudyAnswer) -> list[tuple[str, str]]:
@@ -134,33 +95,87 @@ def settings_facts(answer: StudyAnswer) -> list[tuple[str, str]]:
     return [(capital(one.description), text(getattr(settings, one.attribute))) for one in every]
 
 
-def plan_title(name: str) -> str:
-    return f"Plan {clipped(name, LONGEST_NAME)}"
+@dataclass(frozen=True, kw_only=True)
+class Study(Generic[Answer]):
+    """How an answer of one kind is shown; all of it follows from the answer alone.
 
+    `sections`, then how it was done (`settings`), then `details`; `drawn` figures, None where one has nothing
+    to show; `tables`, rows by the name of the CSV file, which `hold` what. Without runs (`simulated`) nothing
+    was compared. The paper is cited for studies of its method.
+    """
 
-def plan_facts(plan: PlanOfStudy, *more: tuple[str, str]) -> Facts:
-    """A plan in words, its arm, measurements and noise, how many truths the arm could not meet, and more."""
-    facts = [("Plan", sentence(plan.words)), ("Robot", clipped(plan.robot))]
-    return Facts([*facts, ("Measurements", str(plan.shots)), ("Noise", noise_in_words(plan.noise)), *more])
+    subtitle: Callable[[Answer], str]
+    sections: Callable[[Answer], Iterable[Section]]
+    hold: str
+    tables: Mapping[str, Callable[[Answer], Iterator[PlainRow]]]
+    drawn: Callable[[Answer], Sequence[Picture | None]] = lambda answer: ()
+    details: Callable[[Answer], Iterable[Section]] = lambda answer: ()
+    settings: Callable[[Answer], Sequence[tuple[str, str]]] = settings_facts
+    simulated: Callable[[Answer], bool] = lambda answer: True
+    by_the_paper: Callable[[Answer], bool] = lambda answer: True
 
-
-def unmet_fact(failed: int) -> tuple[str, str]:
-    """The truths for which the arm cannot hit the target."""
-    return "Targets not hit", f"{failed} (others drawn in their place)" if failed else "none"
-
-
-def plans_in_words(
-    plans: Iterable[Any], noise: Callable[[Any], str], robot: Callable[[Any], str] = lambda plan: ""
-) -> Section:
-    """A section with each plan in a line."""
-    facts = [
-        (
-            clipped(plan.name, LONGEST_NAME),
-            f"{sentence(plan.words)} ({counted(plan.shots, 'measurement')}{robot(plan)};"
-            f" noise: {noise(plan)})",
+    def page(self, answer: Answer) -> Page:
+        """The whole page: verdict, notes and title are the answer's."""
+        word = "Agrees" if answer.agrees else "Does not agree"
+        seed, version = answer.settings.seed, answer.versions.get("zerobeam", "")
+        by_the_paper = self.by_the_paper(answer)
+        facts = [
+            ("Study", shown(answer.study)),
+            *self.settings(answer),
+            ("Time", f"{numbers.significant(answer.seconds, 2)}{numbers.NO_BREAK}s"),
+            ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer.versions.items())),
+            ("To cite", study_citation(answer.study, str(seed), version, by_the_paper=by_the_paper)),
+        ]
+        files = f"study.json beside this page holds every number unrounded; {self.hold} as plain tables."
+        how = section_of("How it was done", Facts(facts), Paragraph(files))
+        return Page(
+            sentence(answer.title),
+            f"{self.subtitle(answer)}, seed {seed}",
+            Verdict(
+                "pass" if answer.agrees else "weak",
+                word if self.simulated(answer) else "Predicted",
+                sentence(answer.headline),
+            ),
+            [sentence(note) for note in answer.notes],
+            [*self.sections(answer), how, *self.details(answer)],
         )
-        for plan in plans
+
+    def pictures(self, answer: Answer) -> dict[str, Picture]:
+        """The figures by name."""
+        return {picture.name: picture for picture in self.drawn(answer) if picture is not None}
+
+
+# ── words ─────────────────────────────────────────────────────────────────────────────────────
+
+
+def name_of(thing: Any) -> str:
+    """The name of a plan or an estimator, fit to be shown."""
+    return clipped(thing.name, LONGEST_NAME)
+
+
+def plan_title(plan: Any) -> str:
+    return f"Plan {name_of(plan)}"
+
+
+def plan_facts(plan: PlanOfStudy, *counts: tuple[str, str], more: Iterable[tuple[str, str]] = ()) -> Facts:
+    """A plan in words, its arm, measurements and noise; what was simulated, how many truths the arm could not
+    meet, and more."""
+    facts = [
+        ("Plan", sentence(plan.words)),
+        ("Robot", clipped(plan.robot)),
+        ("Measurements", str(plan.shots)),
     ]
+    unmet = f"{plan.failed} (others drawn in their place)" if plan.failed else "none"
+    return Facts([*facts, ("Noise", noise_in_words(plan.noise)), *counts, ("Targets not hit", unmet), *more])
+
+
+def plans_in_words(plans: Iterable[Any], noise: Callable[[Any], str]) -> Section:
+    """A section with each plan in a line: its arm where it states one, and its noise."""
+    facts = []
+    for plan in plans:
+        robot = f" of {clipped(plan.robot)}" if hasattr(plan, "robot") else ""
+        about = f"{counted(plan.shots, 'measurement')}{robot}; noise: {noise(plan)}"
+        facts.append((name_of(plan), f"{sentence(plan.words)} ({about})"))
     return section_of("Plans", Facts(facts), level=2)
 
 
@@ -193,18 +208,13 @@ def smallest_to_largest(values: Iterable[float | None], unit: str = "") -> str:
 # ── verdicts ──────────────────────────────────────────────────────────────────────────────────
 
 
-def standing(part: Any, *, control: bool = False) -> tuple[str, str]:
+def standing(part: Any, *, control: bool = False) -> Cell:
     """The mark and the words of an estimator, its ranks, or a share: agrees, fails, or fails as it must."""
     mark, words, _ = _STANDING[control or getattr(part, "control", False), part.agrees]
-    return mark, words
-
-
-def standing_cell(part: Any) -> Cell:
-    mark, words = standing(part)
     return Cell(words, mark=mark)
 
 
-def meanings(parts: Sequence[Marked], others: Sequence[Marked] = ()) -> list[LegendEntry]:
+def meanings(parts: Sequence[JudgedPart], others: Sequence[JudgedPart] = ()) -> list[LegendEntry]:
     """Entries of a legend: what each mark that occurs in `parts` and `others` means."""
     present = {(part.control, part.agrees) for part in (*parts, *others)}
     entries = [LegendEntry(*about) for key, about in _STANDING.items() if key in present]
@@ -214,58 +224,79 @@ def meanings(parts: Sequence[Marked], others: Sequence[Marked] = ()) -> list[Leg
     return entries
 
 
-def verdicts(parts: Iterable[Marked]) -> list[LegendEntry]:
+def verdicts(parts: Iterable[JudgedPart]) -> list[LegendEntry]:
     """Reasons of a legend: each part's name and standing, and its sentence."""
-    rows = []
-    for part in parts:
-        mark, words = standing(part)
-        name = clipped(part.name, LONGEST_NAME)
-        rows.append(LegendEntry(mark, f"{name}: {words}.", sentence(part.sentence)))
-    return rows
+    every = [(part, standing(part)) for part in parts]
+    return [
+        LegendEntry(at.mark, f"{name_of(part)}: {at.text}.", sentence(part.sentence)) for part, at in every
+    ]
 
 
-def rows_of(part: Marked, words: str, width: int, cells: Callable[[Any, bool], Cells | None]) -> list[Row]:
-    """The row that heads a part, with its `words` and standing, and one for each parameter: `width` cells
-    behind the name, of the parameter and whether the part is a control; None where it is not determined."""
-    mark, verdict = standing(part)
-    about = f"{sentence(words)} ({verdict})" if words else verdict
-    rows = [row_of(clipped(part.name, LONGEST_NAME), Cell(about, span=width), tone=mark)]
-    for parameter in part.parameters:
-        name, values = label(parameter.name), cells(parameter, part.control)
-        if values is None:
-            rows.append(row_of(name, Cell(NOT_DETERMINED, span=width), tone="unidentifiable"))
-        else:
-            marked = any(isinstance(cell, Cell) and cell.mark for cell in values)
-            rows.append(row_of(name, *values, tone="weak" if marked else ""))
-    return rows
+# ── tables ────────────────────────────────────────────────────────────────────────────────────
+
+
+def table(
+    caption: str,
+    heads: Sequence[str],
+    things: Iterable[Any],
+    cells: Callable[[Any], Cells],
+    aligned: str = "lr",
+    tone: Callable[[Any], str] = lambda thing: "",
+) -> Table:
+    """A row for each thing, by its cells; `tone` is the status that colours it."""
+    return table_of(caption, heads, [row_of(*cells(one), tone=tone(one)) for one in things], aligned)
+
+
+def plans_table(
+    caption: str,
+    heads: Sequence[str],
+    plans: Iterable[Any],
+    cells: Callable[[Any], Cells],
+    aligned: str = "lr",
+) -> Table:
+    """A row for each plan: its name, and its cells."""
+    return table(caption, ["plan", *heads], plans, lambda plan: [name_of(plan), *cells(plan)], aligned)
 
 
 def parts_table(
-    caption: str, columns: Sequence[str], parts: Iterable[Any], cells: Callable[[Any, bool], Cells | None]
+    caption: str,
+    columns: Sequence[str],
+    parts: Iterable[JudgedPart],
+    cells: Callable[[Any, bool], Cells | None],
 ) -> Table:
-    """The parameters of each part under `columns`, behind their names."""
-    rows = [row for part in parts for row in rows_of(part, getattr(part, "words", ""), len(columns), cells)]
+    """The parameters of each part under `columns`, behind their names and below a row with the part's words
+    and standing: `cells` are of a parameter and whether the part is a control, None where it is not
+    determined."""
+    rows, width = list[Row](), len(columns)
+    for part in parts:
+        verdict, words = standing(part), getattr(part, "words", "")
+        about = f"{sentence(words)} ({verdict.text})" if words else verdict.text
+        rows.append(row_of(name_of(part), Cell(about, span=width), tone=verdict.mark))
+        for parameter in part.parameters:
+            values = cells(parameter, part.control)
+            tone = "weak" if any(isinstance(cell, Cell) and cell.mark for cell in values or ()) else ""
+            tone = "unidentifiable" if values is None else tone
+            rows.append(
+                row_of(label(parameter.name), *(values or [Cell(NOT_DETERMINED, span=width)]), tone=tone)
+            )
     return table_of(caption, ["parameter", *columns], rows)
 
 
 def overview(
     caption: str,
-    columns: Sequence[str],
+    first: str,
     groups: Iterable[tuple[str, str, Iterable[Any]]],
-    cells: Callable[[Any], Cells],
+    columns: Columns,
     aligned: str = "llr",
 ) -> Table:
-    """A row for each part of each group: its name, whether it agrees, and its cells. A group with a title has
-    a row with its words above."""
-    rows = []
+    """A row for each part of each group: under `first` its name, then whether it agrees, so that a phone
+    shows that without scrolling, and its `columns`. A group with a title has a row with its words above."""
+    every: Columns = ((first, name_of), ("intervals", standing), *columns)
+    rows = list[Row]()
     for title, words, parts in groups:
-        if title:
-            rows.append(row_of(title, Cell(words, span=len(columns) - 1)))
-        for part in parts:
-            # The verdict second, so that a phone shows it without scrolling.
-            verdict = standing_cell(part)
-            rows.append(row_of(clipped(part.name, LONGEST_NAME), verdict, *cells(part), tone=verdict.mark))
-    return table_of(caption, columns, rows, aligned)
+        rows += [row_of(title, Cell(words, span=len(every) - 1))] if title else []
+        rows += [row_of(*(cell(one) for _, cell in every), tone=standing(one).mark) for one in parts]
+    return table_of(caption, [head for head, _ in every], rows, aligned)
 
 
 # ── shares of intervals ───────────────────────────────────────────────────────────────────────
@@ -310,18 +341,20 @@ def share_cell(entry: Share | None, control: bool) -> Cell:
     return Cell(text, mark="" if control or entry.agrees else "weak")
 
 
-def worst_at(part: Marked, level: float) -> tuple[ObservedParameter, Share] | None:
-    """The parameter whose share at `level` is farthest from it, with its share; None if none has one.
+def farthest(level: float) -> Callable[[JudgedPart], str]:
+    """A cell with the parameter whose share at `level` is farthest from it, and its share.
 
     Measured in binomial standard deviations, since parameters may have different numbers of data sets.
     """
-    entries = [(row, one) for row in part.parameters for one in row.shares if one.level == level]
-    return max(entries, key=lambda entry: abs(entry[1].share - level) * math.sqrt(entry[1].of), default=None)
 
+    def cell(part: JudgedPart) -> str:
+        entries = [(row, one) for row in part.parameters for one in row.shares if one.level == level]
+        if not entries:
+            return NOT_DETERMINED
+        row, one = max(entries, key=lambda entry: abs(entry[1].share - level) * math.sqrt(entry[1].of))
+        return f"{label(row.name, 12).split(' ')[0]}: {share(one)}"
 
-def worst_cell(part: Marked, level: float) -> str:
-    worst = worst_at(part, level)
-    return NOT_DETERMINED if worst is None else f"{label(worst[0].name, 12).split(' ')[0]}: {share(worst[1])}"
+    return cell
 
 
 # ── errors, rounded by their own uncertainty ──────────────────────────────────────────────────
@@ -354,25 +387,37 @@ def share_and_errors(row: Any, control: bool) -> list[str | Cell] | None:
 
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
 
-SHARE_COLUMNS = "held of share low high agrees"
-ERRORS = "bias bias_mcse rmse predicted_std"
 
-
-def flat(way: str, columns: str) -> Callable[[StudyAnswer], Iterator[PlainRow]]:
-    """Rows of a CSV file: one for each part at the end of the `way` of attributes from the answer.
+def flat(
+    way: str,
+    columns: str,
+    last: Callable[..., Iterable[object]] | None = None,
+    first: Callable[..., PlainRow] = lambda *chain: {},
+) -> Callable[[StudyAnswer], Iterator[PlainRow]]:
+    """Rows of a CSV file: one for each part at the end of the `way` of attributes from the answer, or for
+    each of the parts that `last` has of all that is on that way; `first` has the first columns of a row.
 
     A column is an attribute of that part, or `name=path`: the path begins with the number of a part on the
-    way, 0 the answer. It is empty where there is nothing, and names are joined. A part that is None has a row
-    of its own.
+    way, 0 the answer. Behind `1:` columns are attributes of part 1. It is empty where there is nothing, and
+    names are joined. A part that is None has a row of its own.
     """
-    named = [column.partition("=")[::2] for column in columns.split()]
+    named, of = list[tuple[str, str]](), ""
+    for column in columns.split():
+        name, _, path = column.partition("=")
+        if name.endswith(":"):
+            of = f"{name[:-1]}."
+        else:
+            named.append((name, path or (of and f"{of}{name}")))
 
     def rows(answer: StudyAnswer) -> Iterator[PlainRow]:
         chains: list[tuple[object, ...]] = [(answer,)]
         for step in way.split():
             chains = [(*above, part) for above in chains for part in _parts(getattr(above[-1], step))]
+        if last is not None:
+            chains = [(*above, part) for above in chains for part in last(*above)]
         for chain in chains:
-            yield {name: _at(chain, path or f"{len(chain) - 1}.{name}") for name, path in named}
+            rest = {name: _at(chain, path or f"{len(chain) - 1}.{name}") for name, path in named}
+            yield first(*chain) | rest
 
     return rows
 
@@ -390,8 +435,3 @@ def _at(chain: tuple[object, ...], path: str) -> object:
         if value is not None:
             value = value[int(name)] if name.isdigit() else getattr(value, name, None)
     return " ".join(value) if isinstance(value, tuple) else value
-
-
-def columns_of(thing: object, *names: str, prefix: str = "") -> PlainRow:
-    """Attributes as columns; empty where there is none."""
-    return {f"{prefix}{name}": getattr(thing, name, None) for name in names}

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ...words import numbers
 from ..style.canvas import WIDTH, Picture, bare_y, new_figure, plain, set_log_scale, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from .study_blocks import NOT_DETERMINED
+from .study_blocks import NOT_DETERMINED, spread_range
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _ROW, _TALLEST, _LETTERS = 0.165, 7.0, 8.5  # inches, inches, points
 _LETTER_WIDTH = 0.06  # inches, of the names of ticks that are written upwards
+_FEW = 9  # values of a curve that are all in words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,15 +71,14 @@ class Stretch:
 
 @dataclass(frozen=True)
 class MarkRow:
-    """A row of a figure: what is in each panel, a `limit` as a dashed line, or the words of a `gap`. A row
-    that is a `head` has its name alone, in the colour of the role."""
+    """A row of a figure: what is in each panel, or the words of a `gap`; `words` say it in the alternative
+    text where the dots alone do not. A row that is a `head` has its name alone."""
 
     name: str
     panels: Sequence[Sequence[Dot | Stretch]] = ()
     gap: str = ""
-    limit: float | None = None
     head: bool = False
-    role: str = "ink"
+    words: str = ""
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,10 @@ class Scale:
             axis.set_ticks(self.ticks, list(map(in_font, self.names)), rotation=90 if self.upright else 0)
         return ends
 
+    def name(self, value: float) -> str:
+        """The name of a value, or the value itself."""
+        return dict(zip(self.ticks, self.names, strict=False)).get(value, numbers.exact(value))
+
     @property
     def upright(self) -> bool:
         """Whether the names are too many to be written side by side."""
@@ -138,17 +143,19 @@ Entries = Sequence[
 def rows_picture(
     name: str,
     title: str,
-    alt: str,
+    about: str,
     rows: Sequence[MarkRow],
     panels: Sequence[Across],
     legend: Entries = (),
     *,
     row_height: float = _ROW,
-) -> Picture:
-    """Marks in named rows."""
-    about = 0.95 if legend else 0.75
-    height = min(_TALLEST, about + row_height * len(rows))
-    letters = min(_LETTERS, 0.84 * 72 * (height - about) / len(rows))
+) -> Picture | None:
+    """Marks in named rows, None without any; the alternative text says what it is `about`, and the marks."""
+    if not rows:
+        return None
+    around = 0.95 if legend else 0.75
+    height = min(_TALLEST, around + row_height * len(rows))
+    letters = min(_LETTERS, 0.84 * 72 * (height - around) / len(rows))
     with style():
         figure = new_figure(height)
         every = figure.subplots(1, len(panels), squeeze=False, sharey=True)[0]
@@ -161,7 +168,18 @@ def rows_picture(
         _heads(figure, every[0], rows, letters)
         legend_above(figure, legend, 3 if any(len(words) > 25 for _, words in legend) else 4)
         svg = to_svg(figure, name)
-    return Picture(name, title, alt, svg)
+    return Picture(name, title, f"{about} {_rows_in_words(rows)}", svg)
+
+
+def _rows_in_words(rows: Sequence[MarkRow]) -> str:
+    """The heads, and below them the dots of each row."""
+    texts = []
+    for row in rows:
+        dots = [one for panel in row.panels for one in panel if isinstance(one, Dot)]
+        marks = [one.words or one.beyond or numbers.significant(one.at, 2) for one in dots]
+        words = row.words or ", ".join([*marks, row.gap] if row.gap else marks)
+        texts.append(f"{row.name}:" if row.head else f"{row.name} {words};".lstrip())
+    return f"{' '.join(texts).rstrip(';')}."
 
 
 def _heads(figure: Figure, axes: Axes, rows: Sequence[MarkRow], letters: float) -> None:
@@ -171,7 +189,7 @@ def _heads(figure: Figure, axes: Axes, rows: Sequence[MarkRow], letters: float) 
     look: Any = {"va": "center_baseline", "fontsize": letters + 0.3, "fontweight": "bold", "transform": where}
     for y, row in enumerate(rows):
         if row.head:
-            axes.text(0.008, y + 0.1, in_font(row.name), color=light(row.role), **look).set_in_layout(False)
+            axes.text(0.008, y + 0.1, in_font(row.name), color=light("ink"), **look).set_in_layout(False)
 
 
 def _panel_of_rows(axes: Axes, rows: Sequence[MarkRow], across: Across, k: int, letters: float) -> None:
@@ -179,8 +197,7 @@ def _panel_of_rows(axes: Axes, rows: Sequence[MarkRow], across: Across, k: int, 
     values = [
         end for one in marks for end in (one.low, one.high, getattr(one, "at", None)) if end is not None
     ]
-    limits = [row.limit for row in rows if row.limit is not None]
-    ends = across.scale.put(axes, "x", [*values, *limits, *across.lines])
+    ends = across.scale.put(axes, "x", [*values, *across.lines])
     bare_y(axes)
     axes.grid(visible=False)
     axes.tick_params(axis="x", labelsize=8, length=2)
@@ -193,8 +210,6 @@ def _panel_of_rows(axes: Axes, rows: Sequence[MarkRow], across: Across, k: int, 
         span = (y - 0.5, y + 0.5)
         axes.vlines(ticks, *span, color=light("line"), linewidth=0.5, zorder=0.5)
         axes.vlines(across.lines, *span, color=light("ink"), linewidth=0.9, zorder=0.6)
-        if row.limit is not None:
-            limit_line(axes.vlines, row.limit, *span, zorder=0.6)
         if row.gap:
             top = y + 0.04 if row.panels and row.panels[k] else y - 0.4  # below what there is
             hatch(axes.axhspan, top, y + 0.4, words=row.gap, zorder=1, facecolor=light("ground"))
@@ -237,7 +252,7 @@ def _draw_mark(axes: Axes, y: float, one: Dot, ends: tuple[float, float], letter
 @dataclass(frozen=True)
 class Curve:
     """Values over a quantity, with the lower and upper ends of a bar at each, or of a `band`. Without `words`
-    it is not in the legend."""
+    it is not in the legend; one that is `quiet` is not in the alternative text."""
 
     xs: Sequence[float]
     ys: Sequence[float]
@@ -246,12 +261,24 @@ class Curve:
     low: Sequence[float] | None = None
     high: Sequence[float] | None = None
     band: bool = False
+    quiet: bool = False
+
+    def in_words(self, at: Callable[[float], str]) -> str:
+        """Its first value and its last, of a few all, each with its place."""
+        every = [
+            (spread_range(self.low[k], y) if self.band and self.low else numbers.significant(y, 2), at(x))
+            for k, (x, y) in enumerate(zip(self.xs, self.ys, strict=True))
+            if math.isfinite(y)
+        ]
+        some = every if len(every) < _FEW else [every[0], every[-1]]
+        return " ".join([self.words, ", ".join(f"{value} at {x}" for value, x in some)]).strip()
 
 
 @dataclass(frozen=True)
 class CurvePanel:
     """A panel of curves on the scale `y`: a dashed `limit` or a `line` across it, hatched `gaps` (from, to,
-    words); `more` draws what is the figure's own."""
+    words); `more` draws what is the figure's own. The alternative text has its `words`, or else its
+    `name` and the curves."""
 
     curves: Sequence[Curve]
     y: Scale
@@ -263,12 +290,14 @@ class CurvePanel:
     line: float | None = None
     gaps: Sequence[tuple[float, float, str]] = ()
     more: Callable[[Axes], None] = lambda axes: None
+    words: str = ""
+    name: str = ""
 
 
 def curves_picture(
     name: str,
     title: str,
-    alt: str,
+    about: str,
     panels: Sequence[CurvePanel],
     x: Scale,
     *,
@@ -277,9 +306,12 @@ def curves_picture(
     across: str = "",
     up: str = "",
     legend: Entries = (),
-) -> Picture:
-    """Panels of curves, `wide` of them side by side; what `across` and `up` are is said once, and so is each
-    curve in the legend, before the other entries."""
+) -> Picture | None:
+    """Panels of curves, `wide` of them side by side, None without any; what `across` and `up` are is said
+    once, and so is each curve in the legend, before the other entries. The alternative text says what it is
+    `about`, and each panel."""
+    if not panels:
+        return None
     with style():
         rows = math.ceil(len(panels) / wide)
         named_rows = min(rows, 2 if len(panels) % wide else 1) if x.upright else 0
@@ -299,7 +331,19 @@ def curves_picture(
         curves = {one.words: one.look for panel in panels for one in panel.curves if one.words}
         legend_above(figure, [*((look, words) for words, look in curves.items()), *legend], 3)
         svg = to_svg(figure, name)
-    return Picture(name, title, alt, svg)
+    texts = "; ".join(filter(None, (_panel_in_words(panel, x) for panel in panels)))
+    return Picture(name, title, f"{about}{' ' if texts else ''}{texts}{'.' if texts else ''}", svg)
+
+
+def _panel_in_words(panel: CurvePanel, x: Scale) -> str:
+    if panel.words:
+        return panel.words
+    name = panel.name or " ".join((panel.title or panel.head or panel.across).split())
+    texts = [one.in_words(x.name) for one in panel.curves if not one.quiet]
+    for low, high, words in panel.gaps:
+        at = ", ".join(x.name(value) for value in panel.curves[0].xs if low <= value <= high)
+        texts.append(f"{words} at {at}")
+    return " ".join(filter(None, [name, ", ".join(filter(None, texts))]))
 
 
 def _panel_of_curves(axes: Axes, panel: CurvePanel, x: Scale) -> None:

@@ -214,7 +214,7 @@ def _lines_picture(study: GridStudy) -> Picture | None:
         unit: Scale(log=True, ends=_with_tolerance(study, (o for o in study.parameters if o.unit == unit)))
         for unit in {one.unit for one in parameters}
     }
-    signs, panels, texts = unit_signs(every.values()), [], dict[str, list[str]]()
+    signs, panels = unit_signs(every.values()), []
     for k, (one, (point, cases)) in enumerate(itertools.product(parameters, series)):
         cases = sorted(cases, key=lambda case: order.index(case.at[along]))
         rows = [next((row for row in case.parameters if row.name == one.name), None) for case in cases]
@@ -232,29 +232,22 @@ def _lines_picture(study: GridStudy) -> Picture | None:
             up="" if single or k % wide else name,
             limit=tolerance(study, one),
             gaps=_runs_of_gaps(edges, words),
+            name=" ".join(filter(None, [point_name(point), label(one.name)])),
         )
         panels.append(panel)
-        shown = [value_text(axis, case.at[along]) for case in cases]
-        known = [(at, row.std) for at, row in zip(shown, rows, strict=True) if row and row.std]
-        parts = [f"{numbers.spread(std, shown_unit(one))} at {at}" for at, std in known[:1] + known[1:][-1:]]
-        for word in dict.fromkeys(filter(None, words)):
-            at = ", ".join(text for text, other in zip(shown, words, strict=True) if other == word)
-            parts.append(f"{word} at {at}")
-        texts.setdefault(point_name(point), []).append(f"{label(one.name)} {', '.join(parts)}")
     title = (
         f"Predicted {UNCERTAINTY} u of each parameter by {clipped(axis.label)}, and errors of simulated runs"
     )
     cuts = ((len(series), len(every_series), "series"), (len(parameters), len(every), "parameters"))
     for some, total, what in cuts:
         title += f"; {some} of {total} {what} shown, all in offsets.csv" if some < total else ""
-    of_series = [f"{name}: {'; '.join(part)}" if name else "; ".join(part) for name, part in texts.items()]
     ticks = _spaced(values, log, wide) if not words_alone else values[:: math.ceil(len(values) / _MOST_WORDS)]
     names = [value_text(axis, order[int(k)]) for k in ticks] if words_alone else []
     scale = Scale(log, (edges[0], edges[-1]), ticks, names)
     return curves_picture(
         "lines",
         title,
-        f"Predicted {UNCERTAINTY} by {clipped(axis.label)}. {'. '.join(of_series)}.",
+        f"Predicted {UNCERTAINTY}, {signs}, by {axis_title(axis)}:",
         panels,
         scale,
         wide=wide,
@@ -284,7 +277,8 @@ def _curves_of(values: Sequence[float], rows: Sequence[CaseParameter | None], st
         ]
         if some:
             xs, ys, low, high = (list(column) for column in zip(*some, strict=True))
-            curves.append(Curve(xs, ys, f"RMSE of the {fit} fit, 95 %", replace(look, stroke=""), low, high))
+            words, marks = f"RMSE of the {fit} fit, 95 %", replace(look, stroke="")
+            curves.append(Curve(xs, ys, words, marks, low, high, quiet=True))
     return curves
 
 
@@ -342,7 +336,7 @@ def axes_picture(study: GridStudy) -> Picture | None:
     ends = [*stds, *([limit] if limit is not None else [])]
     top, without = max(ends) * 1.25, len(stds) < len(rows)
     scale = Scale(log=True, ends=(min(ends) / 1.25, top * _HEADROOM))
-    panels, texts = [], []
+    panels = []
     for i in shown:
         axis = study.axes[i]
         over = [row for row in (_over(study, i, k, name) for k in _order(axis)) if row is not None]
@@ -357,7 +351,7 @@ def axes_picture(study: GridStudy) -> Picture | None:
             for key in ("median", "least")
         )
         curves = [
-            Curve(xs, ys, "a case", Look(shape="", width=0.7, alpha=0.45)),
+            Curve(xs, ys, "a case", Look(shape="", width=0.7, alpha=0.45), quiet=True),
             Curve(at, medians, "median", Look(width=1.6)),
             Curve(at, least, "smallest", Look(shape="v", width=1.0)),
         ]
@@ -370,20 +364,20 @@ def axes_picture(study: GridStudy) -> Picture | None:
                     count = str(row.without)
                     write_gap(axes, x, top * math.sqrt(_HEADROOM), count, va="center_baseline", fontsize=8)
 
-        panels.append(CurvePanel(curves, scale, across=axis_title(axis), limit=limit, more=more))
-        medians_in_words = [
+        words = [
             f"{NOT_DETERMINED if row.median is None else numbers.spread(row.median, shown_unit(one))}"
             f" at {value_text(axis, k)}"
             for k, row in over
         ]
-        texts.append(f"{clipped(axis.label)}: {', '.join(medians_in_words)}")
+        text = f"{clipped(axis.label)}: {', '.join(words)}"
+        panels.append(CurvePanel(curves, scale, across=axis_title(axis), limit=limit, more=more, words=text))
     title = f"Predicted {UNCERTAINTY} u of {label(name)}, the least certain offset in most cases"
     if len(shown) < len(every):
         title += f"; {len(shown)} of {len(every)} axes shown, all in offsets.csv"
     return curves_picture(
         "axes",
         title,
-        f"Median {UNCERTAINTY} u of {label(name)} by each axis. {'; '.join(texts)}.",
+        f"Median {UNCERTAINTY} u of {label(name)} by each axis.",
         panels,
         Scale(),
         wide=3,
@@ -452,15 +446,22 @@ def _map_picture(study: GridStudy) -> Picture:
                 _cell(axes, at, case, stds, written)
             if point:
                 axes.set_title(in_font(clipped(point_name(point), 80 // wide)), fontsize=9, pad=4)
-            _finish_map(axes, (study.axes[across], columns, 10), (study.axes[up], rows, 16))
-        figure.supxlabel(in_font(axis_title(study.axes[across])), fontsize=9.5, color=light("muted"))
-        figure.supylabel(in_font(axis_title(study.axes[up])), fontsize=9.5, color=light("muted"))
+            for which, axis, order, most in (("x", across, columns, 10), ("y", up, rows, 16)):
+                ticks, values = range(0, len(order), math.ceil(len(order) / most)), study.axes[axis].numeric
+                names = [numbers.exact((values or ())[order[i]]) for i in ticks]
+                axes.set(**{f"{which}lim": (-0.5, len(order) - 0.5), f"{which}ticks": list(ticks)})
+                axes.set(**{f"{which}ticklabels": names})
+            axes.grid(visible=False)
+            axes.tick_params(length=0, labelsize=8.5)
+            axes.spines[["left", "bottom"]].set_visible(False)
+        for axis, say in ((across, figure.supxlabel), (up, figure.supylabel)):
+            say(in_font(axis_title(study.axes[axis])), fontsize=9.5, color=light("muted"))
         legend_above(figure, _map_entries(study, stds), 6)
         svg = to_svg(figure, "map")
     title = f"Predicted {UNCERTAINTY} of the least certain offset, °; the fuller the colour the larger"
     if len(panels) < len(every_panel):
         title += f"; {len(panels)} of {len(every_panel)} maps shown, all cases in cases.csv"
-    return Picture("map", title, _map_alt(study), svg)
+    return Picture("map", title, _map_in_words(study), svg)
 
 
 def _shade(std: float, stds: Sequence[float]) -> float:
@@ -480,8 +481,7 @@ def _cell(
     """One cell; `sizes` are those of its number and of words, points, where they can be read."""
     from matplotlib.patches import Rectangle
 
-    x, y = map(float, at)
-    mark, _ = STANDING[case.verdict]
+    (x, y), (mark, _) = map(float, at), STANDING[case.verdict]
 
     def patch(**options: Any) -> None:
         axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, **options))
@@ -499,18 +499,8 @@ def _cell(
         number = numbers.spread(case.worst_std)
         axes.text(x, y, number, ha="center", va="center_baseline", fontsize=sizes[0])
     if mark == "weak":
-        x, y = (x - 0.4, y + 0.32) if sizes is not None else (x, y)
-        axes.plot([x], [y], SHAPES["weak"], markersize=3.2, color=light("weak"))
-
-
-def _finish_map(axes: Axes, *scales: tuple[GridAxis, list[int], int]) -> None:
-    axes.grid(visible=False)
-    for which, (axis, order, most) in zip("xy", scales, strict=True):
-        at = range(0, len(order), math.ceil(len(order) / most))
-        axes.set(**{f"{which}lim": (-0.5, len(order) - 0.5), f"{which}ticks": list(at)})
-        axes.set(**{f"{which}ticklabels": [numbers.exact((axis.numeric or ())[order[i]]) for i in at]})
-    axes.tick_params(length=0, labelsize=8.5)
-    axes.spines[["left", "bottom"]].set_visible(False)
+        corner = (x - 0.4, y + 0.32) if sizes is not None else (x, y)
+        axes.plot(*([one] for one in corner), SHAPES["weak"], markersize=3.2, color=light("weak"))
 
 
 def _map_entries(study: GridStudy, stds: Sequence[float]) -> Entries:
@@ -524,18 +514,14 @@ def _map_entries(study: GridStudy, stds: Sequence[float]) -> Entries:
     return [*entries, *((words, words) for mark, words in _GAPS.items() if mark in present)]
 
 
-def _map_alt(study: GridStudy) -> str:
+def _map_in_words(study: GridStudy) -> str:
     """The best and the worst place, and how many have no number."""
     known = [(case.worst_std, case) for case in study.cases if case.worst_std is not None]
     texts = []
     for what, pick in (("least", min), ("most", max)) if known else ():
         std, case = pick(known, key=lambda entry: entry[0])
-        at = ", ".join(
-            f"{clipped(axis.label)} {value_text(axis, i)}"
-            for axis, i in zip(study.axes, case.at, strict=True)
-        )
         name = f" ({label(case.worst.name)})" if case.worst is not None else ""
-        texts.append(f"{what} {numbers.spread(std, 'deg')}{name} at {at}")
+        texts.append(f"{what} {numbers.spread(std, 'deg')}{name} at {case_name(study, case)}")
     for mark, words in _GAPS.items():
         if count := sum(STANDING[case.verdict][0] == mark for case in study.cases):
             texts.append(f"{words} in {count} of {len(study.cases)} cases")
@@ -578,6 +564,7 @@ def _ratio_picture(study: GridStudy) -> Picture | None:
     panel = CurvePanel(
         curves,
         Scale(log=True, ends=(min(every) / 1.1, max(every) * 1.1)),
+        words="; ".join(texts),
         across=f"predicted {UNCERTAINTY} u, {unit_signs(study.parameters)}",
         up="RMSE / predicted u",
         line=1.0,
@@ -585,7 +572,7 @@ def _ratio_picture(study: GridStudy) -> Picture | None:
     return curves_picture(
         "ratio",
         title,
-        f"RMSE of simulated runs divided by the predicted {UNCERTAINTY}. {'; '.join(texts)}.",
+        f"RMSE of simulated runs divided by the predicted {UNCERTAINTY}.",
         [panel],
         Scale(log=True),
     )

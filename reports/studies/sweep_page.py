@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from ...analysis.status import Verdict as CaseVerdict
 from ...experiments.studies.sweeps.grid_answer import (
@@ -15,6 +16,7 @@ from ...experiments.studies.sweeps.grid_answer import (
     GridCase,
     GridStudy,
     LikelihoodErrors,
+    OffsetOverCases,
     RunErrors,
 )
 from ...model.instruments.registry import kinds_of
@@ -26,7 +28,6 @@ from ..style.blocks import (
     FigureBlock,
     Legend,
     LegendEntry,
-    Page,
     Paragraph,
     Row,
     Section,
@@ -36,7 +37,16 @@ from ..style.blocks import (
     table_of,
 )
 from . import study_blocks as blocks
-from .sweep_figures import STANDING, case_name, figure_names, is_varied, shown_unit, tolerance, value_text
+from .sweep_figures import (
+    STANDING,
+    case_name,
+    figure_names,
+    is_varied,
+    shown_unit,
+    sweep_pictures,
+    tolerance,
+    value_text,
+)
 
 MOST_ROWS = 60
 _MOST_BEST = 20  # cases of a table that cannot have them all
@@ -44,15 +54,14 @@ _LONGEST_TEXT = 400
 _MOST_REASONS, _MOST_NAMED = 8, 4
 
 
-def sweep_page(study: GridStudy) -> Page:
-    """The display strings of a study over settings."""
-    over = listed([clipped(axis.label) for axis in study.axes])
-    settings = study.settings.as_in_file()
-    facts = [(clipped(name, blocks.LONGEST_NAME), text) for name, text in _settings(study, settings)]
-    facts.append(("Seed", str(study.settings.seed)))
-    sections = [
+def _over(study: GridStudy) -> str:
+    return listed([clipped(axis.label) for axis in study.axes])
+
+
+def _sections(study: GridStudy) -> list[Section]:
+    return [
         section_of(
-            f"Cases by {over}",
+            f"Cases by {_over(study)}",
             *map(FigureBlock, figure_names(study)),
             _over_cases(study),
             _beside(study),
@@ -61,54 +70,43 @@ def sweep_page(study: GridStudy) -> Page:
         ),
         section_of("Each parameter", Paragraph(_how_to_read(study)), _parameters(study)),
     ]
-    return blocks.view_of(
-        study,
-        f"{counted(len(study.cases), 'case')} by {over}",
-        sections,
-        "cases.csv and offsets.csv hold every case and every parameter of it",
-        simulated=study.settings.runs > 0,
-        by_the_paper=any(kind.beam for kind in kinds_of(settings).values()),
-        details=_words(study),
-        settings=facts,
-    )
 
 
 # ── tables ────────────────────────────────────────────────────────────────────────────────────
 
 
+def _verdict(case: GridCase) -> Cell:
+    mark, words = STANDING[case.verdict]
+    return Cell(words, mark=mark)
+
+
 def _summary(study: GridStudy) -> Table:
     shots = {case.shots for case in study.cases if case.shots is not None}
-    # Columns that are there only where they say something.
-    counts = len(shots) > 1 and not is_varied(study, "plan.shots")
-    simulated, failed = study.has("likelihood"), any(case.failed for case in study.cases)
-    columns = [
-        *(clipped(axis.label) for axis in study.axes),
-        "verdict",
-        *(["measurements"] if counts else []),
-        "least certain offset, u",
-        *(["runs agree"] if simulated else []),
-        *(["failed fits"] if failed else []),
+
+    def at(i: int) -> Callable[[GridCase], str]:
+        return lambda case: value_text(study.axes[i], case.at[i])
+
+    # Head, cell and side of each column; some are there only where they say something.
+    columns: list[tuple[str, Callable[[GridCase], str | Cell], str]] = [
+        (clipped(axis.label), at(i), "r" if i and axis.numeric else "l") for i, axis in enumerate(study.axes)
     ]
-    rows = []
-    best = sorted(study.cases, key=_rank)[:_MOST_BEST]
-    listed_cases = study.cases if len(study.cases) <= MOST_ROWS else best
-    for case in listed_cases:
-        mark, words = STANDING[case.verdict]
-        cells: list[str | Cell] = [value_text(axis, i) for axis, i in zip(study.axes, case.at, strict=True)]
-        cells += [Cell(words, mark=mark)]
-        cells += [str(case.shots or "")] if counts else []
-        cells += [_least_certain(case)]
-        cells += [_agreement(case)] if simulated else []
-        cells += [str(case.failed)] if failed else []
-        rows.append(row_of(*cells))
+    columns.append(("verdict", _verdict, "l"))
+    if len(shots) > 1 and not is_varied(study, "plan.shots"):
+        columns.append(("measurements", lambda case: str(case.shots or ""), "r"))
+    columns.append(("least certain offset, u", _least_certain, "r"))
     plans = f"plan of {counted(shots.pop(), 'measurement')}" if len(shots) == 1 else "plan"
     caption = f"Verdict of each {plans}, and predicted standard uncertainty u of its least certain offset"
-    caption += "; whether simulated runs agree with the prediction" if simulated else ""
-    if len(listed_cases) < len(study.cases):
-        caption += f" (the {len(listed_cases)} best of {len(study.cases)} cases shown, all in cases.csv)"
-    sides = "".join("r" if i and axis.numeric else "l" for i, axis in enumerate(study.axes))
-    aligned = f"{sides}l{'r' if counts else ''}r{'l' if simulated else ''}r"
-    return table_of(caption, columns, rows, aligned)
+    if study.has("likelihood"):
+        columns.append(("runs agree", _agreement, "l"))
+        caption += "; whether simulated runs agree with the prediction"
+    if any(case.failed for case in study.cases):
+        columns.append(("failed fits", lambda case: str(case.failed), "r"))
+    cases = study.cases
+    if len(cases) > MOST_ROWS:
+        cases = tuple(sorted(cases, key=_rank)[:_MOST_BEST])
+        caption += f" (the {len(cases)} best of {len(study.cases)} cases shown, all in cases.csv)"
+    heads, of, sides = zip(*columns, strict=True)
+    return blocks.table(caption, heads, cases, lambda case: [cell(case) for cell in of], "".join(sides))
 
 
 def _rank(case: GridCase) -> float:
@@ -117,40 +115,34 @@ def _rank(case: GridCase) -> float:
 
 def _over_cases(study: GridStudy) -> Table | None:
     """Each offset over the cases, where they are more than a table of them can show."""
-    if len(study.cases) <= MOST_ROWS:
-        return None
-    columns = ["offset", "smallest u", "median", "largest", "not determined"]
-    rows = []
-    for one in study.over_cases():
+
+    def cells(one: OffsetOverCases) -> blocks.Cells:
         unit = clipped(one.unit, blocks.LONGEST_NAME)
-        figures = (one.least, one.median, one.largest)
-        cells = [blocks.NOT_DETERMINED if std is None else numbers.spread(std, unit) for std in figures]
-        rows.append(row_of(label(one.name, 12), *cells, f"in {one.without} of {one.cases}"))
+        stds = (one.least, one.median, one.largest)
+        known = [blocks.NOT_DETERMINED if std is None else numbers.spread(std, unit) for std in stds]
+        return [label(one.name, 12), *known, f"in {one.without} of {one.cases}"]
+
     caption = (
         "Predicted standard uncertainty u of each offset over the cases that have a plan; not determined"
         " counts as larger than any u"
     )
-    return table_of(caption, columns, rows, "lrrrl") if rows else None
+    heads, offsets = ["offset", "smallest u", "median", "largest", "not determined"], study.over_cases()
+    many = len(study.cases) > MOST_ROWS and offsets
+    return blocks.table(caption, heads, offsets, cells, "lrrrl") if many else None
 
 
 def _beside(study: GridStudy) -> Table | None:
     """The cases beside the grid: u of each offset."""
-    if not study.beside:
-        return None
-    names = dict.fromkeys(
-        one.name
-        for case in study.beside
-        for one in case.parameters
-        if one.group == "offset" and one.status != "held"
-    )
-    columns = ["case", "verdict", *(label(name, 12) for name in names)]
-    rows = []
-    for case in study.beside:
-        mark, words = STANDING[case.verdict]
+    offsets = [one for case in study.beside for one in case.parameters if one.group == "offset"]
+    names = dict.fromkeys(one.name for one in offsets if one.status != "held")
+
+    def cells(case: GridCase) -> blocks.Cells:
         stds = {one.name: _predicted(one) if one.has_numbers else _unknown(one) for one in case.parameters}
-        cells = [stds.get(name, "") for name in names]
-        rows.append(row_of(clipped(case.words, _LONGEST_TEXT), Cell(words, mark=mark), *cells))
-    return table_of("Beside the grid: predicted standard uncertainty u of each offset", columns, rows, "llr")
+        return [clipped(case.words, _LONGEST_TEXT), _verdict(case), *(stds.get(name, "") for name in names)]
+
+    caption = "Beside the grid: predicted standard uncertainty u of each offset"
+    heads = ["case", "verdict", *(label(name, 12) for name in names)]
+    return blocks.table(caption, heads, study.beside, cells, "llr") if study.beside else None
 
 
 def _least_certain(case: GridCase) -> str:
@@ -176,20 +168,17 @@ def _parameters(study: GridStudy) -> Table | None:
     likelihood, midpoint = study.has("likelihood"), study.has("midpoint")
     columns = ["parameter", "status", "predicted u"]
     if likelihood:
-        within = f"within {blocks.percent(study.settings.level)}"
-        columns += ["RMSE", "bias", within]
-    if midpoint:
-        columns.append("midpoint RMSE")
+        columns += ["RMSE", "bias", f"within {blocks.percent(study.settings.level)}"]
+    columns += ["midpoint RMSE"] if midpoint else []
     span = len(columns) - 1
     cases = [(i, case) for i, case in enumerate(study.cases, start=1) if case.reason is None]
     if len(study.cases) > MOST_ROWS:
         cases.sort(key=lambda numbered: _rank(numbered[1]))
-    rows: list[Row] = []
-    count = 0
+    rows, count = list[Row](), 0
     for number, case in cases:
-        mark, words = STANDING[case.verdict]
-        about = f"{case_name(study, case)}: {words}, {counted(case.shots or 0, 'measurement')}"
-        of_case = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
+        verdict = _verdict(case)
+        about = f"{case_name(study, case)}: {verdict.text}, {counted(case.shots or 0, 'measurement')}"
+        of_case = [row_of(f"case {number}", Cell(about, span=span), tone=verdict.mark)]
         for one in case.parameters:
             cells = _cells(one, likelihood, midpoint) if one.has_numbers else [Cell(_unknown(one), span=span)]
             of_case.append(row_of(label(one.name), *cells, tone="" if one.has_numbers else one.status))
@@ -199,8 +188,9 @@ def _parameters(study: GridStudy) -> Table | None:
         count += 1
     caption = "Predicted standard uncertainty u of each parameter"
     caption += ", and errors of simulated runs" if likelihood else ""
-    aligned = "llrrrlr" if likelihood else "llr"
-    return table_of(_cut(caption, count, len(cases), "offsets.csv"), columns, rows, aligned) if rows else None
+    if count < len(cases):
+        caption += f" ({count} of {len(cases)} cases shown, all in offsets.csv)"
+    return table_of(caption, columns, rows, "llrrrlr" if likelihood else "llr") if rows else None
 
 
 def _unknown(one: CaseParameter) -> str:
@@ -241,11 +231,6 @@ def _about(errors: RunErrors) -> float:
 def _held(errors: LikelihoodErrors) -> Cell:
     text = blocks.share_text(errors.held, errors.held_low, errors.held_high, errors.runs)
     return Cell(text, mark="identified" if errors.agrees else "weak")
-
-
-def _cut(caption: str, count: int, total: int, file: str) -> str:
-    """A caption that says how many of the cases are shown."""
-    return caption if count == total else f"{caption} ({count} of {total} cases shown, all in {file})"
 
 
 # ── words ─────────────────────────────────────────────────────────────────────────────────────
@@ -317,6 +302,12 @@ def _settings(study: GridStudy, value: object, path: str = "") -> Iterator[tuple
     yield path, "changes from case to case" if is_varied(study, path) else clipped(text, _LONGEST_TEXT)
 
 
+def _settings_facts(study: GridStudy) -> list[tuple[str, str]]:
+    settings = _settings(study, study.settings.as_in_file())
+    facts = [(clipped(name, blocks.LONGEST_NAME), text) for name, text in settings]
+    return [*facts, ("Seed", str(study.settings.seed))]
+
+
 def _plain(value: object) -> str:
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "none"}[value]
@@ -335,44 +326,55 @@ def _words(study: GridStudy) -> list[Section]:
 
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
 
-_RUN_ERRORS = ("runs", "rmse", "bias", "bias_std")
+
+def _of_cases(study: Any) -> Iterator[tuple[int, GridCase]]:
+    return enumerate((*study.cases, *study.beside), start=1)
 
 
-def case_rows(study: GridStudy) -> Iterator[blocks.PlainRow]:
-    """One row for each case; no number where it does not identify all offsets."""
-    for number, case in enumerate((*study.cases, *study.beside), start=1):
-        yield {
-            **_case_columns(study, number, case),
-            **blocks.columns_of(case, "words", "verdict", "reason", "shots", "failed", "unmet"),
-            "worst_offset": case.worst.name if case.worst is not None else None,
-            "worst_std": case.worst_std,
-            "not_determined": " ".join(one.name for one in case.unidentifiable),
-        }
-
-
-def parameter_rows(study: GridStudy) -> Iterator[blocks.PlainRow]:
-    """One row for each case and parameter; nothing but names where the case does not identify it."""
-    for number, case in enumerate((*study.cases, *study.beside), start=1):
-        for one in case.parameters:
-            yield {
-                **_case_columns(study, number, case),
-                "parameter": one.name,
-                **blocks.columns_of(one, "unit", "status", "std"),
-                **blocks.columns_of(
-                    one.likelihood,
-                    *_RUN_ERRORS,
-                    *("held", "held_low", "held_high", "agrees"),
-                    prefix="likelihood_",
-                ),
-                **blocks.columns_of(one.midpoint, *_RUN_ERRORS, prefix="midpoint_"),
-            }
-
-
-def _case_columns(study: GridStudy, number: int, case: GridCase) -> blocks.PlainRow:
-    """Columns that say which case it is; axes are numbered, so that no key hides another column."""
+def _axes(study: Any, of: tuple[Any, ...]) -> blocks.PlainRow:
+    """Which case it is; axes are numbered, so that no key hides another column."""
+    number, case, *_ = of
     at = case.at or (None,) * len(study.axes)  # beside the grid
-    named = enumerate(zip(study.axes, at, strict=True), start=1)
-    return {
-        "case": number,
-        **{f"axis{k}_{shown(axis.key)}": None if i is None else axis.values[i] for k, (axis, i) in named},
+    values = {
+        f"axis{k}_{shown(axis.key)}": None if i is None else axis.values[i]
+        for k, (axis, i) in enumerate(zip(study.axes, at, strict=True), start=1)
     }
+    return {"case": number, **values}
+
+
+_FIT_COLUMNS = {
+    "likelihood": "runs rmse bias bias_std held held_low held_high agrees",
+    "midpoint": "runs rmse bias bias_std",
+}
+SWEEP = blocks.Study[GridStudy](
+    subtitle=lambda study: f"{counted(len(study.cases), 'case')} by {_over(study)}",
+    sections=_sections,
+    drawn=sweep_pictures,
+    details=_words,
+    settings=_settings_facts,
+    hold="cases.csv and offsets.csv hold every case and every parameter of it",
+    tables={
+        "cases.csv": blocks.flat(
+            "",
+            "1.1: words verdict reason shots failed unmet worst_offset=1.1.worst.name worst_std"
+            " not_determined",
+            _of_cases,
+            _axes,
+        ),
+        "offsets.csv": blocks.flat(
+            "",
+            "parameter=1.2.name 1.2: unit status std"
+            + "".join(
+                f" {fit}_{name}=1.2.{fit}.{name}"
+                for fit, names in _FIT_COLUMNS.items()
+                for name in names.split()
+            ),
+            lambda study: (
+                (number, case, one) for number, case in _of_cases(study) for one in case.parameters
+            ),
+            _axes,
+        ),
+    },
+    simulated=lambda study: study.settings.runs > 0,
+    by_the_paper=lambda study: any(kind.beam for kind in kinds_of(study.settings.as_in_file()).values()),
+)

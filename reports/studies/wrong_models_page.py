@@ -1,11 +1,11 @@
-"""The page of the study `wrong-models`: verdicts, errors and causes of arms with something wrong."""
+"""The study `wrong-models`: verdicts, errors and causes of arms with something wrong."""
 
 from __future__ import annotations
 
 from ...experiments.studies.wrong_models import WrongModel, WrongModelsStudy
 from ...words import numbers
-from ..style.blocks import Page, Paragraph, row_of, section_of, table_of
-from .study_blocks import NOT_GIVEN, flat, view_of
+from ..style.blocks import Paragraph, Section, section_of
+from .study_blocks import NOT_GIVEN, Study, flat, table
 
 _COLUMNS = (
     "what is wrong",
@@ -20,32 +20,7 @@ _COLUMNS = (
     "right cause named first",
     "right of causes decided",
 )
-MODELS = flat(
-    "models",
-    "scenario measurements arms passes misfits weak z largest_u beyond unsaid nameable noticeable named"
-    " decided decided_right",
-)
 _BRIEF = (0, 1, 2, 3, 6, 7, 9)  # the columns of the docs
-
-
-def wrong_models_page(answer: WrongModelsStudy) -> Page:
-    """The display strings of the study of wrong models."""
-    settings = answer.settings
-    rows = [row_of(*cells(one), tone="" if one.holds else "weak") for one in answer.models]
-    section = section_of(
-        "Verdicts, errors and causes",
-        Paragraph(
-            f"Of {settings.arms} arms each: how many pass, are a misfit, or neither. Of those that pass:"
-            " the root mean square and the largest error of the offsets in their standard uncertainties"
-            f" u, and how many have an offset beyond {settings.limit_u:g} u; how many of these"
-            " do not name the wrong model among their conditions. Of the misfits: how many"
-            " name the right cause first; and of those where the best cause has an evidence of more than"
-            f" {settings.decided:g} times the next, how many are right."
-        ),
-        table_of("Random arms with one thing wrong", _COLUMNS, rows),
-    )
-    subtitle = f"{settings.arms} simulated arms for each scenario"
-    return view_of(answer, subtitle, [section], "models.csv holds the counts")
 
 
 def cells(one: WrongModel) -> tuple[str, ...]:
@@ -65,3 +40,37 @@ def markdown(answer: WrongModelsStudy) -> str:
     """The table as docs/diagnosis.md has it, with fewer columns."""
     lines = [_COLUMNS, ("---",) * len(_COLUMNS), *map(cells, answer.models)]
     return "".join(f"| {' | '.join(line[k] for k in _BRIEF)} |\n" for line in lines)
+
+
+def _sections(answer: WrongModelsStudy) -> list[Section]:
+    settings = answer.settings
+    about = (
+        f"Of {settings.arms} arms each: how many pass, are a misfit, or neither. Of those that pass:"
+        " the root mean square and the largest error of the offsets in their standard uncertainties"
+        f" u, and how many have an offset beyond {settings.limit_u:g} u; how many of these"
+        " do not name the wrong model among their conditions. Of the misfits: how many"
+        " name the right cause first; and of those where the best cause has an evidence of more than"
+        f" {settings.decided:g} times the next, how many are right."
+    )
+    counts = table(
+        "Random arms with one thing wrong",
+        _COLUMNS,
+        answer.models,
+        cells,
+        tone=lambda one: "" if one.holds else "weak",
+    )
+    return [section_of("Verdicts, errors and causes", Paragraph(about), counts)]
+
+
+WRONG_MODELS = Study[WrongModelsStudy](
+    subtitle=lambda answer: f"{answer.settings.arms} simulated arms for each scenario",
+    sections=_sections,
+    hold="models.csv holds the counts",
+    tables={
+        "models.csv": flat(
+            "models",
+            "scenario measurements arms passes misfits weak z largest_u beyond unsaid nameable noticeable"
+            " named decided decided_right",
+        )
+    },
+)

@@ -20,7 +20,7 @@ from zerobeam.analysis.observability.check import Check, CheckedParameter, check
 from zerobeam.experiments.plans.patterns import Line, pattern
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.cell import paper_plan
-from zerobeam.experiments.studies.laser_plans import laser_header
+from zerobeam.experiments.studies.data_sets import laser_header
 from zerobeam.experiments.studies.sweeps.grid_answer import GridCase
 from zerobeam.experiments.studies.sweeps.study_file import SettingsStudy, built_in_study, read_study
 from zerobeam.experiments.studies.sweeps.sweep import _planned, judged, studied_case, sweep

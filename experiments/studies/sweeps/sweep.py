@@ -21,7 +21,7 @@ from ....analysis.observability.clearance import Clearance
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.predictions import predicted_std
 from ....analysis.status import has_numbers, verdict_of
-from ....model.arrays import Index, Matrix, normal_half_width
+from ....model.arrays import Index, Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header
 from ....model.likelihood.problem import Problem
@@ -29,10 +29,11 @@ from ...plans.candidates import candidates, reason_of
 from ...plans.constraints import Conditions, View
 from ...plans.optimal import Planner
 from ...plans.patterns import Line, pattern
-from ..answer import held_share
 from ..cases import Engine
-from ..data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint
+from ..data_sets import DataSets, drawn, fitted, likelihood, midpoint
 from .grid_answer import (
+    LEAST_RUNS,
+    LEVEL,
     CaseParameter,
     GridAxis,
     GridCase,
@@ -40,39 +41,30 @@ from .grid_answer import (
     GridStudy,
     LikelihoodErrors,
     RunErrors,
+    findings,
+    headline,
+    notes,
 )
 from .study_file import TARGET, Case, SettingsStudy
-from .sweep_findings import findings, headline, notes
 
-LEVEL = 0.95
 FALSE_ALARM = 0.01  # probability over the whole study
-_LEAST_RUNS = 2  # that have a scatter
 
 
-def sweep(
-    study: SettingsStudy,
-    engine: Engine,
-) -> GridStudy:
+def sweep(study: SettingsStudy, engine: Engine) -> GridStudy:
     """Carry out the whole study.
 
     The study agrees if no case's simulated runs contradict the prediction.
     """
-    every = (*study.cases, *study.beside)
+    every, content = (*study.cases, *study.beside), study.content
     prints = "\n".join(case.fingerprint for case in every)
     settings_hash, work = hashlib.sha256(prints.encode()).hexdigest(), partial(studied_case, seed=engine.seed)
-    answers = judged(
-        engine.each(study.content.study, GridCase, work, every, called="case", settings=settings_hash)
-    )
-    content, cases, beside = study.content, answers[: len(study.cases)], answers[len(study.cases) :]
+    answers = judged(engine.each(content.study, GridCase, work, every, called="case", settings=settings_hash))
+    cases, beside = answers[: len(study.cases)], answers[len(study.cases) :]
     axes = tuple(
         GridAxis(
-            axis.key,
-            axis.name,
-            axis.unit,
-            axis.shown_values,
-            tuple(axis.changes(j) for j in range(len(axis.values))),
+            one.key, one.name, one.unit, one.shown_values, tuple(map(one.changes, range(len(one.values))))
         )
-        for axis in content.axes
+        for one in content.axes
     )
     settings = GridSettings(
         **dict(content.base),
@@ -103,30 +95,24 @@ def studied_case(case: Case, seed: int) -> GridCase:
     try:
         problem = _planned(case, seed)
     except BadInput as error:
-        return GridCase(case.at, case.words, reason=_reason(error))
-    x = problem.nominal()
-    identified = identify(problem, x)
-    parameters = problem.parameters
-    std = parameters.unscaled(predicted_std(problem, x))
-    estimated = parameters.free & ~parameters.tolerated
-    which = np.flatnonzero(estimated & (parameters.group("offset") | parameters.group("tool")))
-    known = np.array([i for i in which if has_numbers(identified.status[i])], dtype=np.intp)
+        reason = error.what if error.found is None else f"{error.what}: {error.found}"
+        return GridCase(case.at, case.words, reason=reason)
+    x, parameters = problem.nominal(), problem.parameters
+    status, std = identify(problem, x).status, parameters.unscaled(predicted_std(problem, x))
+    rows = list[CaseParameter]()
+    free = parameters.free & ~parameters.tolerated & (parameters.group("offset") | parameters.group("tool"))
+    known = np.array([i for i in np.flatnonzero(free) if has_numbers(status[i])], dtype=np.intp)
     runs = _simulated(case, seed, problem, known)
-    rows = []
-    for i in which:
+    for i in np.flatnonzero(free):
         item = parameters.items[i]
-        row = CaseParameter(item.name, item.unit, identified.status[i], item.group)
+        row = CaseParameter(item.name, item.unit, status[i], item.group)
         if i in known:
-            row = replace(row, std=float(std[i]) * item.display)
-        if i in known and runs is not None:
-            j = int(np.searchsorted(known, i))
-            row = replace(
-                row,
-                likelihood=_likelihood_errors(
-                    runs.likelihood[:, j] * item.display, runs.std[:, j] * item.display
-                ),
-                midpoint=None if runs.midpoint is None else _run_errors(runs.midpoint[:, j] * item.display),
-            )
+            j, display = int(np.searchsorted(known, i)), item.display
+            row = replace(row, std=float(std[i]) * display)
+            if runs is not None:
+                off, stated = runs.likelihood[:, j] * display, runs.std[:, j] * display
+                other = None if runs.midpoint is None else RunErrors.of(runs.midpoint[:, j] * display)
+                row = replace(row, likelihood=LikelihoodErrors.by_fits(off, stated), midpoint=other)
         rows.append(row)
     offsets = [row for row in rows if row.group == "offset"]
     degrees = [row.std for row in offsets if row.unit == "deg" and row.std is not None]
@@ -134,7 +120,7 @@ def studied_case(case: Case, seed: int) -> GridCase:
         case.at,
         case.words,
         shots=problem.shots,
-        verdict=verdict_of(identified.status[problem.parameters.block("offset")]),
+        verdict=verdict_of(status[parameters.block("offset")]),
         worst_std=max(degrees) if degrees and all(row.has_numbers for row in offsets) else None,
         failed=0 if runs is None else runs.failed,
         unmet=0 if runs is None else runs.unmet,
@@ -184,26 +170,18 @@ _MOST_PATTERNS = 1000
 def _patterned(case: Case) -> Matrix:
     """The postures of the case's pattern, searched once for all cases that differ in noise alone, say."""
     key, made = case.pattern_print, case.settings.plan
+    if made.kind == "optimal":
+        raise ValueError("an optimal plan is no pattern")
     if key not in _patterns:
-        if made.kind == "optimal":
-            raise ValueError("an optimal plan is no pattern")
         if len(_patterns) >= _MOST_PATTERNS:
             _patterns.clear()
-        target = np.array(case.settings.target.xyz_mm)
-        line = Line(
-            distance=made.distance_mm,
-            height=made.height_mm,
-            width=made.width_mm,
-            roll=None if made.roll_deg is None else float(np.radians(made.roll_deg)),
-        )
+        target, roll = np.array(case.settings.target.xyz_mm), made.roll_deg
+        turned = None if roll is None else float(np.radians(roll))
+        line = Line(made.distance_mm, made.height_mm, made.width_mm, turned)
         _patterns[key] = pattern(
             case.header, case.robot, target, made.kind, made.shots, name=TARGET, span=made.span, line=line
         )
     return _patterns[key]
-
-
-def _reason(error: BadInput) -> str:
-    return error.what if error.found is None else f"{error.what}: {error.found}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,27 +199,21 @@ class _RunFits:
 def _simulated(case: Case, seed: int, problem: Problem, known: Index) -> _RunFits | None:
     """The case's runs, for the parameters `known` (m,); None where there are no runs."""
     settings = case.settings
-    if settings.runs < _LEAST_RUNS or not len(known):
+    if settings.runs < LEAST_RUNS or not len(known):
         return None
     # Of its own settings, so that a case is the same in every study.
     rng = np.random.default_rng([seed, int(case.fingerprint[:32], 16)])
     data = drawn(problem, settings.runs, rng)
     if not len(data.truths):
         return None
-
-    def error(of: Estimates) -> Matrix:
-        return np.asarray((of.value - data.truths[:, known])[of.kept])
-
-    fit = likelihood(data, refitted(data, fitted(data)), known)
+    fits, true = [likelihood(data, refitted(data, fitted(data)), known)], data.truths[:, known]
     # The midpoints of two beams have no cost, whatever the offsets.
-    other = midpoint(data, known) if "midpoint" in settings.costs and problem.shots > 2 else None
-    return _RunFits(
-        likelihood=error(fit),
-        std=fit.std[fit.kept],
-        midpoint=None if other is None else error(other),
-        failed=int((~fit.kept).sum()),
-        unmet=data.failed,
-    )
+    if "midpoint" in settings.costs and problem.shots > 2:
+        fits.append(midpoint(data, known))
+    fit, errors = fits[0], [np.asarray((one.value - true)[one.kept]) for one in fits]
+    failed = int((~fit.kept).sum())
+    other = errors[1] if len(errors) > 1 else None
+    return _RunFits(errors[0], fit.std[fit.kept], other, failed, data.failed)
 
 
 def refitted(data: DataSets, fits: Fits) -> Fits:
@@ -262,26 +234,6 @@ def refitted(data: DataSets, fits: Fits) -> Fits:
                 fit.converged and fit_p_value(problem, fit.whitened.residual, fit.z) >= CONTRADICTED
             )
     return replace(fits, x=x, z=z, covariance=covariance, converged=converged)
-
-
-def _run_errors(error: Matrix) -> RunErrors | None:
-    """Of errors (R,): estimate minus truth."""
-    return RunErrors(*_scatter(error)) if len(error) >= _LEAST_RUNS else None
-
-
-def _likelihood_errors(error: Matrix, std: Matrix) -> LikelihoodErrors | None:
-    """Of errors (R,) and the standard uncertainties (R,) that the fits state."""
-    if len(error) < _LEAST_RUNS:
-        return None
-    held = int((np.abs(error) <= normal_half_width(LEVEL) * std).sum())
-    share = held_share(held, len(error), LEVEL, FALSE_ALARM)
-    in_stds = float(np.sqrt(((error / std) ** 2).mean()))
-    return LikelihoodErrors(*_scatter(error), share.share, share.low, share.high, in_stds)
-
-
-def _scatter(error: Matrix) -> tuple[int, float, float, float]:
-    rmse, bias_std = np.sqrt((error**2).mean()), error.std(ddof=1) / np.sqrt(len(error))
-    return len(error), float(rmse), float(error.mean()), float(bias_std)
 
 
 def judged(cases: Sequence[GridCase]) -> tuple[GridCase, ...]:

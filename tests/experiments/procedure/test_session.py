@@ -38,7 +38,7 @@ from zerobeam.experiments.procedure.session import (
 from zerobeam.experiments.procedure.steering import Belief
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
-from zerobeam.experiments.studies.campaign import MemoryJournal
+from zerobeam.experiments.studies.cell import MemoryJournal
 from zerobeam.interruption import requested, stoppable
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import RigFault

@@ -22,7 +22,7 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
 from zerobeam.experiments.sensors.attached import read_sensors
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
-from zerobeam.experiments.studies.campaign import MemoryJournal
+from zerobeam.experiments.studies.cell import MemoryJournal
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 

@@ -18,8 +18,8 @@ from child import DEAF, child
 
 from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, CellFile, PlacedPsd, PsdInCell, RobotStop
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
-from zerobeam.experiments.studies.campaign import CellRun, Repeated, SeededRun, carried, seeds_of
 from zerobeam.experiments.studies.cases import Engine
+from zerobeam.experiments.studies.cell import CellRun, Repeated, carried, seeds_of
 from zerobeam.model.records import read, to_json
 
 PLAN = good_plan(5)
@@ -36,7 +36,7 @@ def without_time(run: CellRun) -> CellRun:
 @pytest.mark.long
 def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
     seeds, shares = seeds_of(1, 4), list[float]()
-    pieces = [SeededRun(Repeated(good_plan(6), BLIND, tolerance=0.05), seed) for seed in seeds]
+    pieces = [(Repeated(good_plan(6), BLIND, tolerance=0.05), seed) for seed in seeds]
     one, two = (
         Engine(0, lambda _, share: shares.append(share), processes=processes).each(
             "own", CellRun, carried, pieces
@@ -50,12 +50,12 @@ def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
 
 @pytest.mark.long
 def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
-    first, again, other = (carried(SeededRun(WORK, seed)) for seed in (3, 3, 4))
+    first, again, other = (carried((WORK, seed)) for seed in (3, 3, 4))
     assert without_time(first) == without_time(again)
     assert first.truth["delta2"] != other.truth["delta2"]
     # With the same offsets stated, the noise is still another.
     same = Repeated(PLAN, BLIND.model_copy(update={"arm": ArmInCell(offsets_deg={"delta2": 0.5})}))
-    third, fourth = carried(SeededRun(same, 3)), carried(SeededRun(same, 4))
+    third, fourth = carried((same, 3)), carried((same, 4))
     assert third.truth == fourth.truth
     assert third.estimates != fourth.estimates
 
@@ -63,7 +63,7 @@ def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
 def test_the_truth_is_that_of_the_rig() -> None:
     provenance = SimulatedRig(PLAN, BLIND, 3).provenance()
     truth = {f"delta{i}": provenance[f"true delta{i} (deg)"] for i in range(1, 7)}
-    assert carried(SeededRun(WORK, 3)).truth == truth
+    assert carried((WORK, 3)).truth == truth
 
 
 def test_the_first_seeds_of_many_are_those_of_fewer() -> None:
@@ -72,15 +72,15 @@ def test_the_first_seeds_of_many_are_those_of_fewer() -> None:
 
 
 def test_what_a_run_came_to_and_what_is_kept_of_it() -> None:
-    run = carried(SeededRun(replace(WORK, halved=True), 5))
+    run = carried((replace(WORK, halved=True), 5))
     assert (run.failure, run.used, run.refused) == (None, 5, 0)
     assert list(run.seconds) == ["move", "search", "servo", "settle"]
     assert run.estimates is not None
-    assert run.of_half.estimates is not None
+    assert run.halved is not None
     assert list(run.estimates.offsets) == [f"delta{i}" for i in range(2, 7)]
     for name, (estimate, std) in run.estimates.offsets.items():
         assert abs(estimate - run.truth[name]) < 5 * std
-        assert run.of_half.estimates.offsets[name][1] == pytest.approx(std / 2, rel=0.2)
+        assert run.halved.offsets[name][1] == pytest.approx(std / 2, rel=0.2)
     assert read(CellRun, to_json(run)) == run
 
 
@@ -89,7 +89,7 @@ def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
     stops = BLIND.model_copy(update={"faults": (RobotStop(kind="robot-stop", shot=2),)})
     away = PsdInCell(placed={"psd": PlacedPsd(centre_mm=(-3000.0, 0.0, 5000.0))})
     works = [Repeated(PLAN, stops), Repeated(PLAN, BLIND.model_copy(update={"psd": away})), WORK]
-    stopped, refused, good = (carried(SeededRun(work, 1)) for work in works)
+    stopped, refused, good = (carried((work, 1)) for work in works)
     assert stopped.estimates is None
     assert "stop" in stopped.failure
     assert stopped.used == 2
@@ -102,7 +102,7 @@ def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
 SCRIPT = """
 from cells import good_plan
 from zerobeam.interruption import stoppable
-from zerobeam.experiments.studies.campaign import CellRun, Repeated, SeededRun, carried, seeds_of
+from zerobeam.experiments.studies.cell import CellRun, Repeated, carried, seeds_of
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 
@@ -110,7 +110,7 @@ if __name__ == "__main__":
     try:
         with stoppable():
             work = Repeated(good_plan(5), CellFile(camera=None))
-            pieces = [SeededRun(work, seed) for seed in seeds_of(0, 10_000)]
+            pieces = [(work, seed) for seed in seeds_of(0, 10_000)]
             tell = lambda name, share: print(share, flush=True) if share else None
             Engine(0, tell, processes=2).each("own", CellRun, carried, pieces)
     except KeyboardInterrupt:

@@ -15,16 +15,23 @@ from scipy import stats
 
 from zerobeam.experiments.studies import cell as module
 from zerobeam.experiments.studies.answer import accuracy, held_share, share_interval
-from zerobeam.experiments.studies.campaign import CellRun, RunEstimates, SeededRun, carried, seeds_of
 from zerobeam.experiments.studies.cases import Engine
-from zerobeam.experiments.studies.cell import CellPlanStudied, cell_study, studied_plans
+from zerobeam.experiments.studies.cell import (
+    CellRun,
+    Repeated,
+    RunEstimates,
+    carried,
+    cell_study,
+    seeds_of,
+    studied_plans,
+)
 from zerobeam.model.records import to_json
 
 RUNS = 2
 
 
 @functools.cache
-def plans() -> dict[str, CellPlanStudied]:
+def plans() -> dict[str, Repeated]:
     return {plan.name: plan for plan in studied_plans(0, camera=False)}
 
 
@@ -43,7 +50,7 @@ def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
 
 @pytest.fixture(scope="module")
 def run() -> CellRun:
-    return carried(SeededRun(plans()["optimal"].repeated, seeds_of(0, 1)[0]))
+    return carried((plans()["optimal"], seeds_of(0, 1)[0]))
 
 
 def made(run: CellRun, count: int, wider: float = 1.0, without: Sequence[str] = ()) -> list[CellRun]:
@@ -60,7 +67,7 @@ def made(run: CellRun, count: int, wider: float = 1.0, without: Sequence[str] = 
     return runs
 
 
-def judged(plan: CellPlanStudied, runs: Sequence[CellRun]) -> dict[str, Any]:
+def judged(plan: Repeated, runs: Sequence[CellRun]) -> dict[str, Any]:
     return plain(module.judged(plan, runs))
 
 

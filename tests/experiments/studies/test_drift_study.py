@@ -10,7 +10,7 @@ from zerobeam.experiments.studies import drift_coverage as module
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.drift_coverage import DriftStudy, drift_study
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.studies.drift_page import POWER, drift_pictures
+from zerobeam.reports.studies.drift_page import DRIFT
 from zerobeam.reports.studies.kinds import study_page
 
 
@@ -24,9 +24,8 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
     assert sum(row.of for row in answer.power) == 1
     page = study_page(answer)
     assert page.verdict.key in ("pass", "weak")
-    (picture,) = drift_pictures(answer)
-    assert picture is not None
-    assert len(list(POWER(answer))) == len(answer.power)
+    assert set(DRIFT.pictures(answer)) == {"power"}
+    assert len(list(DRIFT.tables["power.csv"](answer))) == len(answer.power)
 
 
 def test_what_the_arms_judge_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.instrument_choice import BUILT_IN, SetupsFile, instruments_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.parsing.validation import read_model
-from zerobeam.reports.studies.instruments_page import SETUPS, instruments_pictures
+from zerobeam.reports.studies.instruments_page import INSTRUMENTS
 from zerobeam.reports.studies.kinds import study_page
 
 TWO = """\
@@ -76,10 +76,9 @@ def test_what_a_setup_does_not_determine_has_no_number(answer: instrument_choice
 
 
 def test_page_figure_and_table_show_all(answer: instrument_choice.InstrumentsStudy) -> None:
-    (picture,) = instruments_pictures(answer)
-    assert picture is not None
-    assert "bar on the axis: offsets not determined with 20 measurements" in picture.alt
-    rows = list(SETUPS(answer))
+    (picture,) = INSTRUMENTS.pictures(answer).values()
+    assert "bar on the axis (not determined)" in picture.alt
+    rows = list(INSTRUMENTS.tables["plans.csv"](answer))
     assert [row["setup"] for row in rows] == ["tracker"] * 2 + ["bar on the axis"] * 2
     assert rows[-1]["undetermined"] == "delta6"
 

@@ -14,8 +14,7 @@ from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import table2
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.cell import paper_plan
-from zerobeam.experiments.studies.data_sets import DataSets, fitted
-from zerobeam.experiments.studies.laser_plans import laser_header
+from zerobeam.experiments.studies.data_sets import DataSets, fitted, laser_header
 from zerobeam.experiments.studies.table2 import (
     EXPERIMENTS,
     OFFSETS,

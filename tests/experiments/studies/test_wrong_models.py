@@ -11,13 +11,12 @@ import pytest
 from zerobeam.analysis.diagnostics.diagnosis import diagnose
 from zerobeam.experiments.studies import wrong_models
 from zerobeam.experiments.studies.cases import Engine
-from zerobeam.experiments.studies.wrong_arms import recorded, typical
+from zerobeam.experiments.studies.wrong_arms import recorded, scenarios, typical
 from zerobeam.experiments.studies.wrong_models import header_of, plan_of, wrong_models_study
-from zerobeam.experiments.studies.wrong_scenarios import scenarios
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.studies.kinds import study_page
-from zerobeam.reports.studies.wrong_models_page import MODELS, markdown
+from zerobeam.reports.studies.wrong_models_page import WRONG_MODELS, markdown
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -83,7 +82,7 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
     assert (jump.passes, jump.beyond) == (0, 0)
     assert answer.agrees
     assert study_page(answer).verdict.key == "pass"
-    assert len(list(MODELS(answer))) == 3
+    assert len(list(WRONG_MODELS.tables["models.csv"](answer))) == 3
     assert markdown(answer).count("\n") == 5
 
 

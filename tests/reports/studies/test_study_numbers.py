@@ -386,7 +386,7 @@ def test_the_figure_of_the_scatter_writes_the_papers_numbers_for_every_plan() ->
 @pytest.mark.long
 def test_the_figures_of_geometry() -> None:
     drawn = drawn_of(geometry_study())
-    assert "7 measurements: noise only 0.0061 to 0.0089°" in drawn["uncertainty"].alt
+    assert "by measurements noise only 0.0061 to 0.0089 at 7" in drawn["uncertainty"].alt
     assert drawn["z"].alt.count(NOT_DETERMINED) == 4
     assert words(drawn["z"].svg).count("nominal") >= 3
     assert NOT_DETERMINED in words(drawn["coverage"].svg)

@@ -26,7 +26,7 @@ from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
-from zerobeam.experiments.studies.campaign import MemoryJournal
+from zerobeam.experiments.studies.cell import MemoryJournal
 from zerobeam.interruption import requested, stoppable
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan

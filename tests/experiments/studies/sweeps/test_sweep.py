@@ -29,10 +29,11 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
     GridCase,
     LikelihoodErrors,
     RunErrors,
+    findings,
+    headline,
 )
 from zerobeam.experiments.studies.sweeps.study_file import SettingsStudy, read_study
 from zerobeam.experiments.studies.sweeps.sweep import FALSE_ALARM, judged, refitted, studied_case, sweep
-from zerobeam.experiments.studies.sweeps.sweep_findings import findings, headline
 from zerobeam.model.errors import BadInput, UnsoundResult
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.model.records import to_json
