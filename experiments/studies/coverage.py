@@ -11,8 +11,8 @@ moves and steps of the posterior (`drawn_together` says what is not).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -261,28 +261,16 @@ def answer_of(piece: tuple[DataSets, bool, np.random.Generator]) -> CoveragePiec
     return CoveragePieceAnswer(estimates, ranks.astype(float), accepted)
 
 
-def joined(answers: Sequence[CoveragePieceAnswer], offsets: int) -> tuple[list[Estimates], Index]:
-    """The estimators of all pieces of a plan with so many `offsets`, and the ranks (W, m)."""
-
-    def table(parts: Sequence[Matrix]) -> Matrix:
-        return np.concatenate([part.reshape(-1, offsets) for part in parts])
-
-    estimates = [
-        replace(
-            parts[0],
-            value=table([part.value for part in parts]),
-            std=table([part.std for part in parts]),
-            kept=np.concatenate([part.kept for part in parts]),
-        )
-        for parts in zip(*(answer.estimates for answer in answers), strict=True)
-    ]
-    return estimates, table([answer.ranks for answer in answers]).astype(np.int64)
-
-
 def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[CoveragePieceAnswer]) -> CoveragePlan:
+    """A plan of the study, by the answers of all its pieces."""
     problem, which = plan.problem, estimated(plan.problem)
+
+    def table(parts: Iterable[Matrix]) -> Matrix:
+        """(W, m) of all pieces, whose own shape is not kept."""
+        return np.concatenate([part.reshape(-1, len(which)) for part in parts])
+
     items = [problem.parameters.items[i] for i in which]
-    estimates, ranks = joined(answers, len(which))
+    ranks = table(answer.ranks for answer in answers).astype(np.int64)
     sizes = [len(answer.estimates[0].kept) for answer in answers]
     display = np.array([item.display for item in items])
 
@@ -292,10 +280,12 @@ def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[CoveragePieceAn
         return int(((ranks[some, j] >= cut) & (ranks[some, j] <= DRAWS - cut)).sum())
 
     estimators = []
-    for one in estimates:
-        error, std = (one.value - data.truths[:, which]) * display, one.std * display
+    for parts in zip(*(answer.estimates for answer in answers), strict=True):
+        one, kept = parts[0], np.concatenate([part.kept for part in parts])
+        error = (table(part.value for part in parts) - data.truths[:, which]) * display
+        std = table(part.std for part in parts) * display
         held = held_by_ranks if one.name == "posterior" else None
-        rows = observed(problem, error, std, one.kept, claims=one.control, levels=LEVELS, held=held)
+        rows = observed(problem, error, std, kept, claims=one.control, levels=LEVELS, held=held)
         agrees, sentence = judged_shares(rows, one.control)
         estimators.append(
             JudgedEstimator(
@@ -303,7 +293,7 @@ def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[CoveragePieceAn
                 words=one.words,
                 control=one.control,
                 agrees=agrees,
-                converged=int(one.kept.sum()),
+                converged=int(kept.sum()),
                 sentence=f"{sentence} on this plan" if one.control and agrees else sentence,
                 parameters=rows,
             )

@@ -105,7 +105,8 @@ def _of_coverage(answer: CoverageStudy) -> list[Section]:
         [(blocks.plan_title(plan), sentence(plan.words), plan.estimators) for plan in plans],
         [(blocks.percent(level), blocks.farthest(level)) for level in answer.settings.levels],
     )
-    legend = Legend(blocks.meanings(estimators, [part for plan in plans for part in plan.sbc]), [])
+    ranks = [part for plan in plans for part in plan.sbc]
+    legend = Legend(blocks.meanings(estimators, ranks), [])
     return [section_of("All plans", every, legend, Paragraph(blocks.BY_CHANCE), brief=True)]
 
 

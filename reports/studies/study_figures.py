@@ -271,7 +271,8 @@ class Curve:
             if math.isfinite(y)
         ]
         some = every if len(every) < _FEW else [every[0], every[-1]]
-        return " ".join([self.words, ", ".join(f"{value} at {x}" for value, x in some)]).strip()
+        text = ", ".join(f"{value} at {x}" for value, x in some)
+        return f"{self.words} {text}".strip() if some else ""
 
 
 @dataclass(frozen=True)

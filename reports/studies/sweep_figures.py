@@ -18,7 +18,6 @@ from ...experiments.studies.sweeps.grid_answer import (
     GridAxis,
     GridCase,
     GridStudy,
-    OffsetOverCases,
     RunErrors,
 )
 from ...experiments.studies.sweeps.study_file import overlap
@@ -218,20 +217,23 @@ def _lines_picture(study: GridStudy) -> Picture | None:
     for k, (one, (point, cases)) in enumerate(itertools.product(parameters, series)):
         cases = sorted(cases, key=lambda case: order.index(case.at[along]))
         rows = [next((row for row in case.parameters if row.name == one.name), None) for case in cases]
-        words = [gap(case, row) for case, row in zip(cases, rows, strict=True)]
+        words, bands, start = [gap(case, row) for case, row in zip(cases, rows, strict=True)], [], 0
+        for word, group in itertools.groupby(words):  # a band for each run of values that have no number
+            end = start + len(list(group))
+            bands += [(edges[start], edges[end], word)] if word else []
+            start = end
         # With more than one unit each parameter says its own.
         unit = f"{', ' if single else chr(10)}{unit_signs([one])}" if "," in signs else ""
         name = label(one.name, 12) + unit
+        head = [clipped(point_name((of,)), 72 // wide) for of in (() if single or k >= wide else point)]
         panel = CurvePanel(
             _curves_of(values, rows, "" if words_alone else "-"),
             scales[one.unit],
             title=name if single else "",
-            head=""
-            if single or k >= wide
-            else "\n".join(clipped(point_name((of,)), 72 // wide) for of in point),
+            head="\n".join(head),
             up="" if single or k % wide else name,
             limit=tolerance(study, one),
-            gaps=_runs_of_gaps(edges, words),
+            gaps=bands,
             name=" ".join(filter(None, [point_name(point), label(one.name)])),
         )
         panels.append(panel)
@@ -282,16 +284,6 @@ def _curves_of(values: Sequence[float], rows: Sequence[CaseParameter | None], st
     return curves
 
 
-def _runs_of_gaps(edges: Sequence[float], words: Sequence[str]) -> list[tuple[float, float, str]]:
-    """A band with its words for each run of values that have no number."""
-    bands, start = [], 0
-    for word, group in itertools.groupby(words):
-        end = start + len(list(group))
-        bands += [(edges[start], edges[end], word)] if word else []
-        start = end
-    return bands
-
-
 def _spaced(values: Sequence[float], log: bool, wide: int) -> list[float]:
     """The values whose ticks do not touch: from the first on, each some way from the one before."""
     at = [math.log(value) if log else value for value in values]
@@ -339,7 +331,8 @@ def axes_picture(study: GridStudy) -> Picture | None:
     panels = []
     for i in shown:
         axis = study.axes[i]
-        over = [row for row in (_over(study, i, k, name) for k in _order(axis)) if row is not None]
+        # The offset over the cases at each value of the axis.
+        over = [(k, row) for k in _order(axis) for row in study.over_cases(i, k) if row.name == name]
         places = {k: at for at, (k, _) in enumerate(over)}
         points = [(places[case.at[i]], row.std) for case, row in rows if row.std is not None]
         # One line with gaps: a mark for each case would make a large file.
@@ -394,11 +387,6 @@ def _least_certain(study: GridStudy) -> str | None:
         unknown = [one.name for one in case.unidentifiable if one.is_angular_offset]
         counts.update([case.worst.name] if case.worst is not None else unknown)
     return counts.most_common(1)[0][0] if counts else None
-
-
-def _over(study: GridStudy, axis: int, value: int, name: str) -> tuple[int, OffsetOverCases] | None:
-    """An offset over the cases at one value of an axis."""
-    return next(((value, one) for one in study.over_cases(axis, value) if one.name == name), None)
 
 
 def _order(axis: GridAxis) -> list[int]:

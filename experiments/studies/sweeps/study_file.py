@@ -9,9 +9,9 @@ import copy
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
@@ -195,27 +195,18 @@ class Settings(FileModel):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        if self.noise.scale != "known":
-            raise refusal(
-                "the noise of a study is known: the runs are simulated with it",
-                key=("noise", "scale"),
-                found=f"scale: {self.noise.scale}",
-                remedy="remove scale",
-            )
-        if isinstance(self.geometry, StatedGeometry) and self.geometry.scale != "known":
-            raise refusal(
-                "the tolerances of a study are known: its arms are random draws from them",
-                key=("geometry", "scale"),
-                found=f"scale: {self.geometry.scale}",
-                remedy="remove scale",
-            )
-        if isinstance(self.geometry, StatedGeometry) and self.geometry.tolerances is not None:
-            raise refusal(
-                "a study states the tolerances of its arms itself",
-                key=("geometry", "tolerances"),
-                found=f"tolerances: {self.geometry.tolerances}",
-                remedy="state tolerance, gravity_deg and harmonics_deg",
-            )
+        geometry = self.geometry if isinstance(self.geometry, StatedGeometry) else StatedGeometry()
+        known = "the noise of a study is known: the runs are simulated with it"
+        drawn = "the tolerances of a study are known: its arms are random draws from them"
+        sizes = "a study states the tolerances of its arms itself"
+        to_state = "state tolerance, gravity_deg and harmonics_deg"
+        for of, key, value, only, what, remedy in (
+            ("noise", "scale", self.noise.scale, "known", known, "remove scale"),
+            ("geometry", "scale", geometry.scale, "known", drawn, "remove scale"),
+            ("geometry", "tolerances", geometry.tolerances, None, sizes, to_state),
+        ):
+            if value != only:
+                raise refusal(what, key=(of, key), found=f"{key}: {value}", remedy=remedy)
         return self
 
     def as_in_file(self, *, without: tuple[str, ...] = ()) -> SettingValues:
@@ -277,6 +268,12 @@ def _value(value: object) -> object:
     )
 
 
+def _require_once(what: str, key: str, values: Sequence[object], show: Callable[[object], str] = str) -> None:
+    for i, one in enumerate(values):
+        if one in values[:i]:
+            raise refusal(what, key=(key, i), found=show(one))
+
+
 class NamedChange(FileModel):
     """A value of an axis that changes several settings at once."""
 
@@ -304,9 +301,7 @@ class Axis(FileModel):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        for i, one in enumerate(self.shown_values):
-            if one in self.shown_values[:i]:
-                raise refusal("duplicate value of an axis", key=("values", i), found=shown(one))
+        _require_once("duplicate value of an axis", "values", self.shown_values, shown)
         return self
 
     @property
@@ -366,11 +361,9 @@ class StudyFile(FileModel):
                 found=self.study,
                 allowed=f"any name but {', '.join(OTHER_STUDIES)}",
             )
-        keys = [axis.key for axis in self.axes]
+        _require_once("two axes have the same key", "axes", [axis.key for axis in self.axes])
         taken: dict[str, int] = {}
         for i, axis in enumerate(self.axes):
-            if axis.key in keys[:i]:
-                raise refusal("two axes have the same key", key=("axes", i), found=axis.key)
             for name in dict.fromkeys(_changed(axis)):
                 other = next((old for old in taken if overlap(old, name)), None)
                 if other is not None and taken[other] != i:
@@ -382,9 +375,7 @@ class StudyFile(FileModel):
                     )
                 taken[name] = i
         names = [one.name for one in self.beside]
-        for i, name in enumerate(names):
-            if name in names[:i]:
-                raise refusal("two cases beside the grid have the same name", key=("beside", i), found=name)
+        _require_once("two cases beside the grid have the same name", "beside", names)
         count = math.prod(len(axis.values) for axis in self.axes)
         if count > _MOST_CASES:
             raise refusal(
@@ -466,7 +457,8 @@ def read_study(path: Path | str, runs: int | None = None) -> SettingsStudy:
         )
     content = validate(StudyFile, document.data, file=document.file, line=document.line)
     if runs is not None:
-        every = (*(key for axis in content.axes for key in _changed(axis)), *_changed_beside(content))
+        every = [key for axis in content.axes for key in _changed(axis)]
+        every += [key for one in content.beside for key in one.set_]
         if any(overlap(key, "runs") for key in every):
             raise BadInput(
                 "both the cases of the study and --runs set the number of runs",
@@ -475,17 +467,16 @@ def read_study(path: Path | str, runs: int | None = None) -> SettingsStudy:
                 file=document.file,
                 line=document.line(("axes",)),
             )
-        settings = {**_set_values(content.base), "runs": runs}
+        settings = {**content.base.model_dump(mode="json", by_alias=True, exclude_unset=True), "runs": runs}
         base = validate(Settings, settings, file=None, line=lambda _: None)
         content = content.model_copy(update={"base": base})
-    robots: dict[str, Robot] = {}
-    grid = product(*(range(len(axis.values)) for axis in content.axes))
-    cases = tuple(_case(content, at, document, robots) for at in grid)
-    beside = tuple(
-        _changed_case(content, (), one.name, [(("beside", i), one.set_)], document, robots)
-        for i, one in enumerate(content.beside)
-    )
-    return SettingsStudy(content, cases, beside, document.file.name, document.sha256)
+    case, cases = partial(_case, content, document, dict[str, Robot]()), []
+    for at in product(*(range(len(axis.values)) for axis in content.axes)):
+        by_axis = [(i, axis, j) for i, (axis, j) in enumerate(zip(content.axes, at, strict=True))]
+        words = ", ".join(axis.words(j) for _, axis, j in by_axis)
+        cases.append(case(at, words, [(("axes", i, "values", j), axis.changes(j)) for i, axis, j in by_axis]))
+    beside = [case((), one.name, [(("beside", i), one.set_)]) for i, one in enumerate(content.beside)]
+    return SettingsStudy(content, tuple(cases), tuple(beside), document.file.name, document.sha256)
 
 
 def _changed(axis: Axis) -> Iterator[str]:
@@ -493,38 +484,19 @@ def _changed(axis: Axis) -> Iterator[str]:
         yield from axis.changes(j)
 
 
-def _changed_beside(content: StudyFile) -> Iterator[str]:
-    for one in content.beside:
-        yield from one.set_
-
-
-def _set_values(settings: Settings) -> SettingValues:
-    """The settings that the file has, without defaults."""
-    return settings.model_dump(mode="json", by_alias=True, exclude_unset=True)
-
-
-def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: dict[str, Robot]) -> Case:
-    """A case of the grid."""
-    words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
-    changes: list[tuple[KeyPath, SettingValues]] = [
-        (("axes", i, "values", j), axis.changes(j))
-        for i, (axis, j) in enumerate(zip(content.axes, at, strict=True))
-    ]
-    return _changed_case(content, at, words, changes, document, robots)
-
-
-def _changed_case(
+def _case(
     content: StudyFile,
-    at: tuple[int, ...],
-    words: str,
-    changes: Sequence[tuple[KeyPath, SettingValues]],
     document: Document,
     robots: dict[str, Robot],
+    at: tuple[int, ...],
+    words: str,
+    changes: Iterable[tuple[KeyPath, SettingValues]],
 ) -> Case:
     """The settings of one case: the base with changes, each with its place in the file; BadInput at the line
-    of the value that does not suit."""
-    values, value_places = _set_values(content.base), dict[str, KeyPath]()
-    defaults = content.base.model_dump(mode="json", by_alias=True)
+    of the value that does not suit. `robots` are those of the cases before."""
+    # The settings that the file has, and those with defaults.
+    values = content.base.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    defaults, value_places = content.base.model_dump(mode="json", by_alias=True), dict[str, KeyPath]()
     for of_value, changed in changes:
         for key, value in changed.items():
             with located(document.file, document.line(of_value)):
