@@ -53,6 +53,7 @@ def trend_pictures(arm: ArmDrift, events: Sequence[Event], never: Sequence[str])
             panel_height=min(_PANEL, _HIGHEST / len(part)),
             across=f"{begin:%Y-%m-%d} to {end:%Y-%m-%d}",
             legend=_legend(arm),
+            in_words=False,
         )
 
 

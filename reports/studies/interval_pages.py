@@ -191,6 +191,8 @@ def _ranks_picture(plan: CoveragePlan, draws: int, name: str) -> Picture | None:
         " bins within the grey band (solid: outside it)"
     )
     across = f"rank of the true value among {draws} draws, from lowest to highest"
+    if not panels:
+        return None
     return curves_picture(
         name,
         title,

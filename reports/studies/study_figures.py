@@ -307,12 +307,11 @@ def curves_picture(
     across: str = "",
     up: str = "",
     legend: Entries = (),
-) -> Picture | None:
-    """Panels of curves, `wide` of them side by side, None without any; what `across` and `up` are is said
-    once, and so is each curve in the legend, before the other entries. The alternative text says what it is
-    `about`, and each panel."""
-    if not panels:
-        return None
+    in_words: bool = True,
+) -> Picture:
+    """Panels of curves, `wide` of them side by side; what `across` and `up` are is said once, and so is each
+    curve in the legend, before the other entries. The alternative text says what it is `about`, and each
+    panel `in_words`."""
     with style():
         rows = math.ceil(len(panels) / wide)
         named_rows = min(rows, 2 if len(panels) % wide else 1) if x.upright else 0
@@ -332,8 +331,8 @@ def curves_picture(
         curves = {one.words: one.look for panel in panels for one in panel.curves if one.words}
         legend_above(figure, [*((look, words) for words, look in curves.items()), *legend], 3)
         svg = to_svg(figure, name)
-    texts = "; ".join(filter(None, (_panel_in_words(panel, x) for panel in panels)))
-    return Picture(name, title, f"{about}{' ' if texts else ''}{texts}{'.' if texts else ''}", svg)
+    texts = "; ".join(filter(None, (_panel_in_words(panel, x) for panel in panels if in_words)))
+    return Picture(name, title, f"{about} {texts}." if texts else about, svg)
 
 
 def _panel_in_words(panel: CurvePanel, x: Scale) -> str:
