@@ -110,9 +110,9 @@ def studied_case(case: Case, seed: int) -> GridCase:
             j, display = int(np.searchsorted(known, i)), item.display
             row = replace(row, std=float(std[i]) * display)
             if runs is not None:
-                off, stated = runs.likelihood[:, j] * display, runs.std[:, j] * display
+                off, u = runs.likelihood[:, j] * display, runs.std[:, j] * display
                 other = None if runs.midpoint is None else RunErrors.of(runs.midpoint[:, j] * display)
-                row = replace(row, likelihood=LikelihoodErrors.by_fits(off, stated), midpoint=other)
+                row = replace(row, likelihood=LikelihoodErrors.by_fits(off, u), midpoint=other)
         rows.append(row)
     offsets = [row for row in rows if row.group == "offset"]
     degrees = [row.std for row in offsets if row.unit == "deg" and row.std is not None]
