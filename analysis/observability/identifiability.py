@@ -265,13 +265,10 @@ def _judged(problem: Problem, x: Matrix, weight: float) -> tuple[_Judged, Matrix
     """The statuses by what the problem takes as known, and `data_std` (p,) of `Identified`."""
     gauge = gauge_of(problem, x, weight)
     tolerated = problem.parameters.tolerated[problem.parameters.free]
-    marginal = Marginal.of(gauge.jacobian, tolerated)
-    spectrum = _Spectrum.of(marginal.root, gauge.basis)
-    scaled_std = _stds(marginal, spectrum, tolerated)
+    marginal, spectrum, scaled_std = _determined(gauge.jacobian, gauge.basis, tolerated)
     for jacobian, basis in gauge.near_by:
         # The true values are near by, not where directions happen to be null that are not null there.
-        there = Marginal.of(jacobian, tolerated)
-        scaled_std = np.maximum(scaled_std, _stds(there, _Spectrum.of(there.root, basis), tolerated))
+        scaled_std = np.maximum(scaled_std, _determined(jacobian, basis, tolerated)[-1])
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
     scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge.spanned)
     status, data_std = _statuses(problem.parameters, scaled_std)
@@ -318,9 +315,7 @@ def _lost(
     freed, there = problem.freed(x, keep_stated=keep_stated)
     tolerated = freed.parameters.tolerated[freed.parameters.free]
     gauge = gauge_at(freed, there, weight)
-    marginal = Marginal.of(gauge.jacobian, tolerated)
-    spectrum = _Spectrum.of(marginal.root, gauge.basis)
-    scaled_std = _stds(marginal, spectrum, tolerated)
+    _, spectrum, scaled_std = _determined(gauge.jacobian, gauge.basis, tolerated)
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
     status, std = _statuses(freed.parameters, scaled_std)
     return [
@@ -364,12 +359,15 @@ class _Spectrum:
         return np.asarray(np.sqrt(((rows @ self.directions / self.singular) ** 2).sum(axis=1)))
 
 
-def _stds(marginal: Marginal, spectrum: _Spectrum, tolerated: Mask) -> Matrix:
-    """(f,) the std of each scaled free parameter outside the gauge, its own tolerance among what is known."""
+def _determined(jacobian: Matrix, gauge: Matrix, tolerated: Mask) -> tuple[Marginal, _Spectrum, Matrix]:
+    """Of A (M, f) and the null space (m, g) of what has no tolerance; with (f,) the std of each scaled free
+    parameter outside that null space, its own tolerance among what is known."""
+    marginal = Marginal.of(jacobian, tolerated)
+    spectrum = _Spectrum.of(marginal.root, gauge)
     std = np.empty(len(tolerated))
     std[~tolerated] = spectrum.std_of(np.eye(marginal.root.shape[1]))
     std[tolerated] = np.hypot(marginal.std, spectrum.std_of(marginal.response))
-    return std
+    return marginal, spectrum, std
 
 
 def _of_gauge(std: Matrix, gauge: Gauge, floor: float) -> Matrix:

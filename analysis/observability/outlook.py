@@ -35,9 +35,8 @@ from ..status import Status, known
 from ..tcp_region import TcpRegion, beside_first_axis, region_of
 from .better_postures import PostureSearch
 from .changes import repeated
-from .predictions import roots_with_ties
+from .predictions import ArmBelief, EstimatesOfArms, TcpForecast, roots_with_ties
 from .remedies import Allowed
-from .tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
 
 POINTS = 4
 SIGMA_MM = 0.03  # of a coordinate, as of a laser tracker at 3 m

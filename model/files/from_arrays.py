@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..instruments import laser, probe
+from ..instruments.flange_tool import LaserBeam, ProbeTip
 from ..kinematics.robot import Robot
 from ..parsing.reading import KeyPath, did_you_mean
 from ..parsing.validation import Model, validate
@@ -69,7 +69,7 @@ class Laser:
         """The header's key `tool`, plain."""
         sigma = _without_none(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
         keys = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
-        return _tool(laser.LaserBeam.name, keys, sigma)
+        return _tool(LaserBeam.name, keys, sigma)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Probe:
     def content(self) -> dict[str, object]:
         """The header's key `tool`, plain."""
         keys = {"point_mm": self.point_mm, "calibrated": self.calibrated}
-        return _tool(probe.ProbeTip.name, keys, _without_none(shift_mm=self.shift_mm))
+        return _tool(ProbeTip.name, keys, _without_none(shift_mm=self.shift_mm))
 
 
 @dataclass(frozen=True)

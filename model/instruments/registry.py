@@ -14,12 +14,10 @@ from ..errors import BadInput
 from ..parsing.reading import also_called
 from .ballbar import Ballbar
 from .dial import Dial
-from .flange_tool import FlangeTool
+from .flange_tool import FlangeTool, LaserBeam, ProbeTip
 from .kind import Instrument, Station
-from .laser import LaserBeam
 from .plane import PlaneProbe
 from .pose import PoseStation
-from .probe import ProbeTip
 from .sphere import SphereProbe
 from .tracker import Tracker
 

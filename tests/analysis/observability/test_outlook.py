@@ -23,8 +23,12 @@ from zerobeam.analysis.observability.outlook import (
     OutlookRow,
     constraint_options,
 )
-from zerobeam.analysis.observability.predictions import predicted_covariance
-from zerobeam.analysis.observability.tcp_forecast import ArmBelief, EstimatesOfArms, TcpForecast
+from zerobeam.analysis.observability.predictions import (
+    ArmBelief,
+    EstimatesOfArms,
+    TcpForecast,
+    predicted_covariance,
+)
 from zerobeam.analysis.status import known
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan

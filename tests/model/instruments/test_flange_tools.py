@@ -7,7 +7,7 @@ from plain_model import beam, by_differences, unit
 
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.instruments.laser import LaserBeam
+from zerobeam.model.instruments.flange_tool import LaserBeam
 
 
 def header(**tool):

@@ -38,7 +38,7 @@ from zerobeam.experiments.history.signing import (
 from zerobeam.experiments.history.store import add, results, whole_answer
 from zerobeam.experiments.history.stored_result import StoredResult, read_entry
 from zerobeam.model.errors import BadInput
-from zerobeam.model.instruments.laser import LaserBeam
+from zerobeam.model.instruments.flange_tool import LaserBeam
 from zerobeam.reports.history.certificate import (
     certificate_page,
     files_of_certificate,
