@@ -63,7 +63,8 @@ class Correction:
     `applied` is what the exported file adds to the recorded position or to the nominal value: the estimate
     (of an offset that goes into nominal geometry the value to enter), or 0 where it is held, not determined
     by the data, `left_out`, as good as what is assumed and not exported `although_assumed`, or unvalidated
-    and not exported `despite_misfit`. `applied_u` is the standard uncertainty of that very value.
+    and not exported `despite_misfit`. `applied_u` is the standard uncertainty of that very value. `to_enter`
+    is what a controller with nominal geometry takes of an offset, None where the file holds the links too.
     """
 
     row: Annotated[
@@ -73,6 +74,7 @@ class Correction:
     left_out: Annotated[bool, it("true if `--without` names it")]
     despite_misfit: Annotated[bool, internal]
     although_assumed: Annotated[bool, internal] = False
+    to_enter: Annotated[ValueToEnter | None, internal] = None
 
     @property
     def name(self) -> str:
@@ -95,17 +97,24 @@ class Correction:
         " estimate in `export robot`, `urdf` and `ur-calibration` with `--json`"
     )
     def applied(self) -> float:
-        return (self.row.estimate or 0.0) if self.exported else 0.0
+        if not self.exported:
+            return 0.0
+        return (self.row.estimate or 0.0) if self.to_enter is None else self.to_enter.value
 
     @property
     @key("standard uncertainty of that value, null where nothing is applied")
     def applied_u(self) -> float | None:
-        return self.row.std if self.exported else None
+        if not self.exported:
+            return None
+        return self.row.std if self.to_enter is None else self.to_enter.u
 
     @property
     @key("status of that value by its own u, null where nothing is applied")
     def applied_status(self) -> Status | None:
-        return self.status if self.exported else None
+        if not self.exported:
+            return None
+        identified = self.status == "identified"
+        return self.to_enter.status if self.to_enter is not None and identified else self.status
 
     @property
     def applied_rad(self) -> float:
@@ -240,30 +249,10 @@ class NotValidated(BadInput):
 
 @record(kw_only=True)
 class JointOffset(Correction):
-    """One joint's offset. `joint` is the joint's name in its robot file, which may hold any character;
-    `to_enter` what a controller with nominal geometry takes, None where the file holds the links too."""
+    """One joint's offset. `joint` is the joint's name in its robot file, which may hold any character."""
 
     joint: Annotated[str, it("its name in the robot file")]
     kind: Annotated[JointKind, it("what it does")]
-    to_enter: Annotated[ValueToEnter | None, internal] = None
-
-    @property
-    def applied(self) -> float:
-        if self.exported and self.to_enter is not None:
-            return self.to_enter.value
-        return super().applied
-
-    @property
-    def applied_u(self) -> float | None:
-        if self.exported and self.to_enter is not None:
-            return self.to_enter.u
-        return super().applied_u
-
-    @property
-    def applied_status(self) -> Status | None:
-        if self.exported and self.to_enter is not None and self.status == "identified":
-            return self.to_enter.status
-        return super().applied_status
 
     @property
     def only_value_weak(self) -> bool:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
-from ...model.options import Option
+from ...model.options import J3Origin, Option
 from .generic.layouts import CsvLayout, Stillness
-from .maker import Decimal, J3Counting, KnownLog, MarkerColumn, in_order, makers
+from .maker import Decimal, KnownLog, MarkerColumn, in_order, makers
 
 if TYPE_CHECKING:
     from .import_jobs import Imported, ImportJob
@@ -24,7 +24,7 @@ def read_log(
     delimiter: Annotated[str | None, Option("Delimiter between two values, if not the usual one.")] = None,
     decimal: Decimal = ".",
     marker_column: MarkerColumn = None,
-    j3: J3Counting = None,
+    j3: J3Origin = None,
 ) -> "Imported":
     """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
     from .generic.csv_file import import_csv

@@ -35,9 +35,6 @@ Holds = Literal["offsets", "links", "postures", "all"]
 _OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|comau|meca ?500"
 
 
-J3Counting = Annotated[
-    Literal["ground", "link"] | None, Option("What joint 3 is counted from, if not as the robot file states.")
-]
 PointNames = Annotated[
     Sequence[str] | None, Option("Points to use, by name: a,b,c (default: all).", text=names_typed)
 ]

@@ -76,7 +76,7 @@ class ProgramTemplate:
 
     `files` are the endings (or names) of several, each a block of the template. What is filled in is ASCII on
     one line, and besides as `escape` makes it; `quote` is the filter for what stands in a string or a remark.
-    `more` of a plan and its motion is what the template takes beside `ProgramContext`.
+    `more` of a plan and its motion is what the template takes beside `context_of`.
     """
 
     vendor: Vendor | None

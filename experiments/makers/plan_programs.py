@@ -187,49 +187,31 @@ def _numbers(row: Iterable[float], least: int = 1, digits: int | None = None, be
     return between.join(_number(value, least, digits) for value in row)
 
 
-@dataclass(frozen=True)
-class ProgramContext:
-    """What every template has: the postures, joints as the controller counts them; `head` and `steps` for
-    people and machines, `rows` all joints by their names, `axes` their number in a row, `percents` of each
-    joint's top speed and `percent` the least of them; `name` is the stem of the file; the lines of its log
-    are `plan_line`, and those that begin with `log` (`rehearsal` where nothing is measured)."""
-
-    plan: Plan
-    motion: ProgramMotion
-    name: str
-    tool: str | None
-    head: tuple[str, ...]
-    steps: tuple[PlanStep, ...]
-    rows: Mapping[str, tuple[float, ...]]
-    axes: int
-    percents: tuple[int, ...]
-    percent: int
-    hash: str
-    plan_line: str
-    log: str = LOG
-    rehearsal: str = REHEARSAL
-
-
 def context_of(
     plan: Plan, motion: ProgramMotion, name: str, tool: str | None, note: str | None
 ) -> Mapping[str, object]:
-    """`ProgramContext` by its names; `note` is what there is to check of the robot."""
-    steps, each = tuple(steps_of(plan, motion)), tuple(percents(plan.robot, motion.speed))
-    context = ProgramContext(
-        plan,
-        motion,
-        name,
-        tool,
-        tuple(head_lines(plan, motion, note)),
-        steps,
-        {name: row for step in steps for name, row in step.named.items()},
-        plan.robot.n,
-        each,
-        min(each),
-        short_hash(plan),
-        f"{LOG_PLAN} {short_hash(plan)}",
-    )
-    return vars(context)
+    """What every template has, by its names, joints as the controller counts them: `head` and `steps` for
+    people and machines, `rows` all joints by their names, `axes` their number in a row, `percents` of each
+    joint's top speed and `percent` the least of them; `name` is the stem of the file; the lines of its log
+    are `plan_line`, and those that begin with `log` (`rehearsal` where nothing is measured). `note` is what
+    there is to check of the robot."""
+    steps, each = steps_of(plan, motion), percents(plan.robot, motion.speed)
+    return {
+        "plan": plan,
+        "motion": motion,
+        "name": name,
+        "tool": tool,
+        "head": head_lines(plan, motion, note),
+        "steps": steps,
+        "rows": {label: row for step in steps for label, row in step.named.items()},
+        "axes": plan.robot.n,
+        "percents": each,
+        "percent": min(each),
+        "hash": short_hash(plan),
+        "plan_line": f"{LOG_PLAN} {short_hash(plan)}",
+        "log": LOG,
+        "rehearsal": REHEARSAL,
+    }
 
 
 def program_of(kind: str) -> tuple[PlanProgram, Vendor | None]:

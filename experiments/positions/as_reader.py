@@ -6,18 +6,10 @@ import re
 from collections.abc import Sequence
 
 from ...model.kinematics.orientation import from_zyz
-from .position import (
-    NUMBER,
-    BackupReading,
-    FileReading,
-    What,
-    numbers_in,
-    pose_of,
-    split_arguments,
-    values_in,
-)
+from .position import WHAT, BackupReading, FileReading, What, pose_of, what_of
 from .position_names import SharedNames
 from .script import LineProgram, Lines
+from .statement_text import NUMBER, numbers_in, split_arguments, values_in
 
 _I = re.IGNORECASE
 _SECTION = re.compile(r"\.([A-Z][A-Z0-9_]*)(?:[ \t].*|[ \t]*)", _I)
@@ -73,7 +65,7 @@ def _sections(here: FileReading, names: SharedNames) -> list[Lines]:
         elif section in ("TRANS", "JOINTS") and line[0].strip():
             _entry(here, line.start(), line[0], section == "JOINTS", names)
         elif section == "SYSDATA" and (system := _SYSTEM.fullmatch(line[0])) is not None:
-            here.frame(line.start(), _what(system), "sysdata", pose_of(from_zyz, values_in(system[2])))
+            here.frame(line.start(), what_of(system[1]), "sysdata", pose_of(from_zyz, values_in(system[2])))
     if section in ("PROGRAM", "TRANS", "JOINTS"):
         here.unread(len(file.text), f"the file ends before .END of .{section}")
     return programs
@@ -92,10 +84,6 @@ def _entry(here: FileReading, pos: int, text: str, joints: bool, names: SharedNa
     return here.six(pos, name, label, spans, joints=joints, register=not joints)
 
 
-def _what(named: re.Match[str]) -> What:
-    return "tool" if named[1].upper() == "TOOL" else "frame"
-
-
 class AsProgram(LineProgram):
     """A program, with the names of all files."""
 
@@ -103,7 +91,8 @@ class AsProgram(LineProgram):
 
     def look(self, pos: int, text: str) -> None:
         if (put := _SET.fullmatch(text)) is not None:
-            self.active.set(_what(put), pos, self._transform(pos, put[2], _what(put)))
+            what = what_of(put[1])
+            self.active.set(what, pos, self._transform(pos, put[2], what))
 
     def _transform(self, pos: int, text: str, what: What) -> str | None:
         """The name of a tool or base that a statement sets; None where it is computed."""
@@ -123,9 +112,8 @@ class AsProgram(LineProgram):
 
     def goes(self, pos: int, names: Sequence[str], frame: str | None = None) -> None:
         """.SYSDATA holds what was set last: of a program that sets none it is known where none does."""
-        sets = {_what(match) for each in self.reading.files for match in _SETS.finditer(each.bare)}
-        kinds: tuple[What, What] = ("tool", "frame")
-        of = (self.active.at(what, pos) or (None if what in sets else "sysdata") for what in kinds)
+        sets = {what_of(match[1]) for each in self.reading.files for match in _SETS.finditer(each.bare)}
+        of = (self.active.at(what, pos) or (None if what in sets else "sysdata") for what in WHAT)
         self.moves(pos, names, *of)
 
     def statement(self, pos: int, text: str) -> None:

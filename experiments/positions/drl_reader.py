@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 
-from .position import NUMBER, BackupReading, What, arguments_of
+from .position import BackupReading, What
 from .script import Lines, Script
+from .statement_text import NUMBER, arguments_of
 
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*\s*,?\s*"
 _TCP = re.compile(r"\bset_tcp\s*\(\s*([\"'])?")

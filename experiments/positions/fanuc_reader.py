@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, What, pose_of
+from .position import BackupReading, What, pose_of
 from .position_names import PositionNames
 from .script import LineProgram
+from .statement_text import NUMBER
 
 _M = re.MULTILINE
 _POINT = re.compile(r"^[ \t]*P\[[ \t]*(?P<number>\d+)[^\]\n]*\][ \t]*\{(?P<block>[^{}]*)\}[ \t]*;", _M)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import AT_RUN_TIME, NUMBER, BackupReading, FileReading, Span, numbers_in, pose_of, values_in
+from .position import AT_RUN_TIME, BackupReading, FileReading, pose_of
+from .statement_text import NUMBER, Span, numbers_in, values_in
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _PART = re.compile(r"^//(POS|INST)\b|^END[ \t\r]*$", _I | _M)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from .position import NUMBER, BackupReading, FileReading, JointLanguage, SourceFile, numbers_in, words_in
+from .position import BackupReading, FileReading, JointLanguage, SourceFile
+from .statement_text import NUMBER, numbers_in, words_in
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _VALUES = rf"(?P<values>[ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})+)[ \t]*"

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from ...model.kinematics.orientation import from_abc
-from .position import NUMBER, BackupReading, FileReading, SourceFile, What, pose_of, split_arguments
+from .position import BackupReading, FileReading, SourceFile, What, pose_of, what_of
 from .position_names import PositionNames
 from .script import LineProgram
+from .statement_text import NUMBER, split_arguments
 
 _I = re.IGNORECASE
 _FIELD = re.compile(rf"(?<![\w.$])([XYZABCST]|[AE][1-6])\s+({NUMBER})(?=\s*[,}}])", _I)
@@ -101,7 +102,7 @@ class KrlData(FileReading):
             if defined[1].upper() == "ROBROOT":
                 self.reading.base = pose
                 return None
-            return self.frame(pos, _what(defined[1]), defined[2] or f"{file.name}:{file.line(pos)}", pose)
+            return self.frame(pos, what_of(defined[1]), defined[2] or f"{file.name}:{file.line(pos)}", pose)
         move = _MOVE.fullmatch(file.bare[line_start : file.bare.find("\n", pos) % (len(file.bare) + 1)])
         relative = move is not None and (move[2] or move[1].upper() == "ASYPTP")
         if file.stem == "$machine" or name[:1] == "$" or relative:
@@ -120,10 +121,6 @@ class KrlData(FileReading):
         return self.doubt(pos, "relative", sentence)
 
 
-def _what(word: str) -> What:
-    return "tool" if word.upper() == "TOOL" else "frame"
-
-
 class KrlRoutine(LineProgram):
     """A routine of a program."""
 
@@ -140,7 +137,7 @@ class KrlRoutine(LineProgram):
             data = re.fullmatch(r"(?:(?:TOOL|BASE)_DATA\[\s*)?(\d+)(?:\s*\])?", put[3], _I)
             name = "0" if put[3].upper() == "$NULLFRAME" else data[1] if data else None
             name = f"{self.file.name}:{self.file.line(pos)}" if put[3].startswith("{") else name
-            self.active.set(_what(put[1] or put[2]), pos, name)
+            self.active.set(what_of(put[1] or put[2]), pos, name)
 
     def statement(self, pos: int, text: str) -> None:
         assigned = _ASSIGNED.fullmatch(text)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, numbers_in, pose_of, split_arguments, values_in
+from .position import BackupReading, pose_of
 from .position_names import PositionNames
 from .script import LineProgram, Lines
+from .statement_text import NUMBER, numbers_in, split_arguments, values_in
 
 _I = re.IGNORECASE
 _VALUES = rf"\([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*[ \t]*\)"

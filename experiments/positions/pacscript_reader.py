@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import NUMBER, BackupReading, What, numbers_in, pose_of, split_arguments, values_in
+from .position import WHAT, BackupReading, What, pose_of, what_of
 from .position_names import SharedNames
 from .script import Lines, Script
+from .statement_text import NUMBER, numbers_in, split_arguments, values_in
 
 _I = re.IGNORECASE
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
@@ -15,7 +16,6 @@ _PART = re.compile(r"^[ \t]*(?:Sub|Function|Program)\b", _I | re.MULTILINE)
 _KINDS = re.compile(r"(?:Dim[ \t]+(.+?)[ \t]+As[ \t]+|Def)(Pos|Joint|Jnt)\w*\b(.*)", _I)
 _DEFINED = rf"(Tool|Work)[ \t]+(\d+)[ \t]*,[ \t]*P?[ \t]*\(\s*({_LIST})\s*\)[ \t]*"
 _CHANGED = re.compile(r"Change(Tool|Work)[ \t]+(\d+)?", _I)
-_WHAT: dict[str, What] = {"tool": "tool", "work": "frame"}
 _ADDED = re.compile(rf"(?P<goal>.+?)\s*(?P<sign>[-+])\s*(?P<by>P?\s*\(\s*{_LIST}\s*\))", _I)
 _DEV = re.compile(r"Dev(?P<tool>H?)\s*\((?P<parts>.*)\)", _I | re.DOTALL)
 _OPTION = re.compile(r"(?:S|Speed|Accel|Decel|Time)\s*=.*|Next|If\b.*", _I)
@@ -71,12 +71,12 @@ class PacProgram(Script):
         if (made := re.fullmatch(_DEFINED, text, _I)) is not None:
             numbers = values_in(made[3])
             pose = pose_of(from_rpy, numbers[:6]) if len(numbers) >= 6 else None
-            self.frame(pos, _WHAT[made[1].lower()], made[2], pose)
+            self.frame(pos, what_of(made[1]), made[2], pose)
         if (change := _CHANGED.match(text)) is not None:
-            self.active.set(_WHAT[change[1].lower()], pos, change[2] and str(int(change[2])))
+            self.active.set(what_of(change[1]), pos, change[2] and str(int(change[2])))
             self.changed = True
         if re.match(r"TakeArm\b", text, _I) and self.changed:  # what it changes is not published
-            for what in _WHAT.values():
+            for what in WHAT:
                 self.active.set(what, pos, None)
 
     def other(self, pos: int, text: str) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,17 +25,17 @@ from ...model.kinematics.orientation import (
     orientation,
 )
 from ...model.kinematics.robot import PendantUnit
+from .statement_text import Span
 
 if TYPE_CHECKING:
     from ...model.arrays import Matrix
     from ...model.files.robot_file import Vendor
     from ...model.kinematics.branches import Branch
 
-Span = tuple[int, int]
 What = Literal["tool", "frame"]
+WHAT: tuple[What, What] = ("tool", "frame")
 Doubt = Literal["relative", "computed", "elsewhere", "call", "group"]
 _LARGEST = 1e9  # mm, deg, pulses
-NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 @dataclass(frozen=True)
@@ -232,13 +232,12 @@ class BackupReading:
         self.positions = [one for one in self.positions if not one.register or one.name in goals]
 
     def _with_frames(self, one: TaughtPosition, uses: Mapping[tuple[str, What], set[str]]) -> TaughtPosition:
-        kinds: tuple[What, ...] = ("tool", "frame")
-        names = {what: sorted(uses.get((one.name, what), ())) for what in kinds}
+        names = {what: sorted(uses.get((one.name, what), ())) for what in WHAT}
         for what, values in names.items():
             if getattr(one, what) is None and len(values) > 1 and one.kind == "cartesian":
                 several = f"{one.label} is used with several {what}s: {', '.join(values)}"
                 self.refused.append(RefusedLine(one.file, one.line, several))
-        tool, frame = (next(iter(names[what]), None) for what in kinds)
+        tool, frame = (next(iter(names[what]), None) for what in WHAT)
         return replace(one, tool=one.tool or tool, frame=one.frame or frame)
 
 
@@ -269,19 +268,9 @@ class FileReading:
             return self.unread(pos, f"{label} has numbers that no arm reaches", label)
         kind: Literal["cartesian", "joints"] = "cartesian" if axes is None else "joints"
         others |= {"axes": tuple(axes or ()), "configuration_spans": tuple(configuration)}
-        self.reading.positions.append(
-            TaughtPosition(
-                self.file,
-                name,
-                label,
-                self.file.line(pos),
-                kind,
-                tuple(spans),
-                external=any(external),
-                **others,
-            )
-        )
-        return None
+        others |= {"external": any(external), "line": self.file.line(pos)}
+        one = TaughtPosition(self.file, name, label, kind=kind, spans=tuple(spans), **others)
+        return self.reading.positions.append(one)
 
     def six(
         self,
@@ -388,6 +377,11 @@ class Active:
         return AT_RUN_TIME if several and self.jumps else before[-1]
 
 
+def what_of(word: str) -> What:
+    """A tool, by the word of a language for that; else a frame."""
+    return "tool" if word.upper() == "TOOL" else "frame"
+
+
 AT_RUN_TIME = "?"  # a name that is no name: which one is known when the program runs
 
 
@@ -472,44 +466,3 @@ def pose_of(form: Callable[[Sequence[float]], Matrix], numbers: Sequence[float])
         return form(numbers) if all(abs(number) < _LARGEST for number in numbers) else None
     except ValueError:  # a quaternion of zeros
         return None
-
-
-def numbers_in(text: str, start: int = 0) -> list[Span]:
-    """The places of all numbers of a text."""
-    return [
-        (start + match.start(), start + match.end()) for match in re.finditer(rf"(?<![\w.]){NUMBER}", text)
-    ]
-
-
-def values_in(text: str) -> list[float]:
-    """All numbers of a text."""
-    return [float(text[start:end]) for start, end in numbers_in(text)]
-
-
-def words_in(text: str) -> list[str]:
-    """Names and numbers of a text, whether they are right or not."""
-    return re.findall(r"[\w.]+(?:(?<=[eE])[-+]\d+)?", text)
-
-
-def split_arguments(text: str, between: str = ",") -> Iterator[tuple[int, str]]:
-    """The parts between commas (or the letters `between`) in no brackets, each with its place in the text."""
-    depth, begin = 0, 0
-    for at, letter in enumerate(text):
-        depth += (letter in "([{") - (letter in ")]}")
-        if letter in between and depth <= 0:
-            yield begin, text[begin:at]
-            begin, depth = at + 1, 0
-    yield begin, text[begin:]
-
-
-def arguments_of(text: str, start: int = 0) -> list[tuple[int, str]]:
-    """The arguments of a call whose text begins behind its bracket at `start`, without blanks around, each
-    with its place; those of a bracket that is not closed up to the end."""
-    depth, end = 1, len(text)
-    for at in range(start, len(text)):
-        depth += (text[at] in "([{") - (text[at] in ")]}")
-        if depth == 0:
-            end = at
-            break
-    parts = split_arguments(text[start:end])
-    return [(start + at + len(part) - len(part.lstrip()), part.strip()) for at, part in parts]

@@ -6,20 +6,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from .position import (
-    NUMBER,
-    Active,
-    BackupReading,
-    FileReading,
-    SourceFile,
-    What,
-    arguments_of,
-    numbers_in,
-    split_arguments,
-    values_in,
-    words_in,
-)
+from .position import Active, BackupReading, FileReading, SourceFile, What
 from .position_names import PositionNames
+from .statement_text import NUMBER, arguments_of, numbers_in, split_arguments, values_in, words_in
 
 Lines = list[tuple[int, str]]  # or arguments, each with its place
 

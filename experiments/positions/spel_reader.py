@@ -5,18 +5,10 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_abc
-from .position import (
-    NUMBER,
-    BackupReading,
-    FileReading,
-    What,
-    numbers_in,
-    pose_of,
-    split_arguments,
-    values_in,
-)
+from .position import BackupReading, FileReading, What, pose_of
 from .position_names import SharedNames
 from .script import LineProgram
+from .statement_text import NUMBER, numbers_in, split_arguments, values_in
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _POINT = re.compile(r"^[ \t]*Point\d+[ \t]*\{([^{}]*)\}", _M)

@@ -6,8 +6,9 @@ import re
 from dataclasses import replace
 
 from ...model.kinematics.orientation import from_rotation_vector
-from .position import NUMBER, BackupReading, arguments_of, pose_of, values_in
+from .position import BackupReading, pose_of
 from .script import Lines, Script
+from .statement_text import NUMBER, arguments_of, values_in
 
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
 _TCP = re.compile(r"\bset_tcp\s*\(")

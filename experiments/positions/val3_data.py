@@ -9,8 +9,9 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_xyz
-from .position import NUMBER, FileReading, SourceFile, Span, What, pose_of
+from .position import FileReading, SourceFile, What, pose_of
 from .position_names import PositionNames
+from .statement_text import NUMBER, Span
 
 _ROOTS = ("world[0]", "flange[0]")
 _TAG = re.compile(r"<(?P<tag>[\w:.-]+)(?P<rest>(?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from xml.etree import ElementTree
 
-from .position import NUMBER, BackupReading, FileReading, What, arguments_of
+from .position import BackupReading, FileReading, What
 from .script import Lines, Script
+from .statement_text import NUMBER, arguments_of
 from .val3_data import Val3Names, read_data
 
 _CODE = re.compile(r"<(Code|code)\b[^>]*>(?:\s*<!\[CDATA\[)?(.*?)(?:\]\]>\s*)?</\1>", re.DOTALL)

@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ....model.options import Option
-from ..maker import J3Counting, Maker, OffsetFile, PlanProgram, PointNames
+from ....model.options import J3Origin, Option
+from ..maker import Maker, OffsetFile, PlanProgram, PointNames
 from ..manifest import ProgramName, ProgramTemplate, ToolName, read_taught, taught_reader
 from ..taught_format import TaughtFormat, TaughtPoint
 
@@ -143,7 +143,7 @@ _FORMAT = TaughtFormat(
 
 def _read(
     job: "ImportJob",
-    j3: J3Counting = None,
+    j3: J3Origin = None,
     points: PointNames = None,
     register: Annotated[int, Option("With --plan: the first position register of its program.", least=1)] = 1,
 ) -> "Imported":

@@ -5,15 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ....model.errors import BadInput
-from ....model.options import Option, names_typed
-from ..maker import (
-    J3Counting,
-    KnownLog,
-    Maker,
-    OffsetFile,
-    PlanProgram,
-    Reader,
-)
+from ....model.options import J3Origin, Option, names_typed
+from ..maker import KnownLog, Maker, OffsetFile, PlanProgram, Reader
 from ..manifest import ProgramTemplate
 from .layouts import NO_DWELLS, CsvLayout, PointLayout, Stillness
 
@@ -142,7 +135,7 @@ def _read_ros(
     return import_ros(job, still=still.required(), columns=columns, topic=topic, marker_topic=marker_topic)
 
 
-def _read_robodk(job: "ImportJob", j3: J3Counting = None) -> "Imported":
+def _read_robodk(job: "ImportJob", j3: J3Origin = None) -> "Imported":
     """RoboDK: what a plan's program has recorded. Logs of MonitorJoints: import log robodk."""
     from ..joint_text import import_program_log
 

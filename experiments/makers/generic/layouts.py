@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from ....model.errors import BadInput
-from ....model.options import Option, names_typed
-from ..maker import Decimal, J3Counting, MarkerColumn, StillDeg, StillMm, StillSeconds
+from ....model.options import J3Origin, Option, names_typed
+from ..maker import Decimal, MarkerColumn, StillDeg, StillMm, StillSeconds
 
 if TYPE_CHECKING:
     from ....model.arrays import Matrix
@@ -113,7 +113,7 @@ class CsvLayout:
     ] = None
     delimiter: Annotated[str | None, Option("Delimiter between two values; found if not stated.")] = None
     decimal: Decimal = "."
-    j3: J3Counting = None
+    j3: J3Origin = None
     spot_columns: Annotated[Sequence[str] | None, _names("Columns of spot_mm: dx,dy in mm.")] = None
     shot_column: Annotated[str | None, Option("Column of the measurement numbers.")] = None
     time_column: Annotated[str | None, Option("Column of times.")] = None
@@ -244,7 +244,7 @@ class PointLayout:
     lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None
     delimiter: Annotated[str | None, Option("Delimiter of FILE; found if not stated.")] = None
     decimal: Decimal = "."
-    j3: J3Counting = None
+    j3: J3Origin = None
     small_angles: Annotated[
         bool, Option("The joints are in degrees, although all are as small as radians would be.")
     ] = False
