@@ -260,26 +260,19 @@ def _converted(
 
 
 def _require_this_model(backup: Backup, robot: Robot) -> None:
-    """BadInput where the backup is of another model."""
-    model = backup.reading.model
-    if model is not None and not _alike(model[2], robot.name):
+    """BadInput where the backup is of another model: where neither name has the other in it."""
+    if backup.reading.model is None:
+        return
+    file, line, model = backup.reading.model
+    one, other = (re.sub(r"[^a-z0-9]", "", name.lower()) for name in (model, robot.name))
+    if one not in other and other not in one:
         raise BadInput(
             "the backup is of another model",
-            found=f"{model[2]}; the arm is {robot.name}",
+            found=f"{model}; the arm is {robot.name}",
             remedy="name the arm of this backup; if it is this one, give its robot file that name (name: …)",
-            file=model[0].name,
-            line=model[1],
+            file=file.name,
+            line=line,
         )
-
-
-def _plain(text: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", text.lower())
-
-
-def _alike(model: str, name: str) -> bool:
-    """Whether a model as a controller has it may be the robot of this name."""
-    one, other = _plain(model), _plain(name)
-    return one.startswith(other) or other.startswith(one) or one in other or other in one
 
 
 def _poses(

@@ -195,13 +195,13 @@ def context_of(
     joint's top speed and `percent` the least of them; `name` is the stem of the file; the lines of its log
     are `plan_line`, and those that begin with `log` (`rehearsal` where nothing is measured). `note` is what
     there is to check of the robot."""
-    steps, each = steps_of(plan, motion), percents(plan.robot, motion.speed)
+    steps, each = tuple(steps_of(plan, motion)), tuple(percents(plan.robot, motion.speed))
     return {
         "plan": plan,
         "motion": motion,
         "name": name,
         "tool": tool,
-        "head": head_lines(plan, motion, note),
+        "head": tuple(head_lines(plan, motion, note)),
         "steps": steps,
         "rows": {label: row for step in steps for label, row in step.named.items()},
         "axes": plan.robot.n,
