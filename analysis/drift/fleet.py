@@ -10,7 +10,8 @@ to 1. So the rate of a single arm has the prior of `drift` whatever rho is, and 
 answer as without a fleet. The likelihood of an arm couples the rates of its offsets, so all mu and rho are
 integrated over together: the likelihood of an arm, given mu and rho, is a weighted sum over the rates that
 its drift was integrated over. Where too few of these agree with mu and rho, more are sampled about a normal
-approximation. mu and rho are integrated over about the mode, as standard normal coordinates.
+approximation, and again while few agree with the mu and rho of the posterior. mu and rho are integrated over
+about the mode, as standard normal coordinates.
 
 An offset whose drift rate no arm determines (`Drift.determines_rate`) is not modelled: nothing is known of it
 but the prior.
@@ -21,18 +22,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import optimize, special
 
-from ...model.arrays import Matrix
+from ...model.arrays import Index, Matrix
 from .drift import MEDIAN, SPREAD, Drift, median_interval
-from .importance import Pass, against_passes, effective, from_pass, normalised, over_passes, sampled
+from .importance import Pass, about, against_passes, effective, from_pass, normalised, over_passes, sampled
 from .smoother import Series, smooth
 
 LEAST = 0.04  # of rho: rates of two arms of a model are never taken as equal (tau at least 0.3)
 ENOUGH = 100  # rates of an arm that agree with mu and rho: with fewer, more are sampled
 _MORE, _ROUNDS, _WIDER = 256, 3, 1.3
+FEW, _AGAIN = 30, 12  # rates of an arm that agree with its model: with fewer, so many rounds more at most
 _NODES, _PASSES, _NEAR = 512, 2, 1.2  # of mu and rho; the pass about the mode is so much wider
 _AT_ONCE = 64  # of mu and rho: what fast memory holds
 _SOME = 128  # of mu and rho that an arm's rates are of
@@ -98,33 +101,17 @@ class _Cloud:
     passes: list[Pass]
     columns: Matrix
 
-    def __post_init__(self) -> None:
-        self._prepare()
+    @property
+    def kept(self) -> Matrix:
+        """(K,) those that the results do not all but exclude."""
+        return np.asarray(self.log_likelihood > self.log_likelihood.max() - _EXCLUDED)
 
-    def _prepare(self) -> None:
-        """What `log_weights` needs of the points. Those that the results all but exclude are left out."""
-        base = self.log_likelihood + against_passes(self.points, self.passes)
-        base = base - 0.5 * ((self.points[:, self.columns < 0] - _CENTRE) ** 2).sum(axis=1) / SPREAD**2
-        kept = self.log_likelihood > self.log_likelihood.max() - _EXCLUDED
-        self.kept = kept
-        self._base = base[kept] - base[kept].max()
-        x = self.points[np.ix_(kept, self.columns >= 0)] - _CENTRE
-        self.features = np.concatenate([x**2, x], axis=1).T
-        self._single = self.features.astype(np.float32), self._base.astype(np.float32)
-
-    def log_weights(self, mu: Matrix, tau: Matrix) -> Matrix:
-        """(H, kept) for `mu`, `tau` (H, n), up to a constant of the arm. Of many H in single precision, which
-        takes a fourth of the time and is far finer than the number of rates is."""
-        at = self.columns[self.columns >= 0]
-        precision, centre = 1 / tau[:, at] ** 2, mu[:, at] - _CENTRE
-        constant = (0.5 * precision * centre**2 + np.log(tau[:, at])).sum(axis=1)
-        features, base = (self.features, self._base) if len(mu) == 1 else self._single
-        log_weights = (
-            np.concatenate([-0.5 * precision, precision * centre], axis=1).astype(base.dtype) @ features
-        )
-        log_weights += base
-        log_weights -= constant[:, None].astype(base.dtype)
-        return np.asarray(log_weights)
+    @property
+    def base(self) -> Matrix:
+        """(K,) the logarithm of likelihood and prior of what is not modelled, over their density."""
+        apart = self.points[:, self.columns < 0] - _CENTRE
+        over = against_passes(self.points, self.passes) - 0.5 * (apart**2).sum(axis=1) / SPREAD**2
+        return np.asarray(self.log_likelihood + over)
 
     def extend(self, mu: Matrix, tau: Matrix, seed: int) -> None:
         """More rates about the product of the arm's likelihood, taken as normal, and of N(mu, tau^2)."""
@@ -142,12 +129,116 @@ class _Cloud:
         covariance = np.linalg.inv((axes * sharper) @ axes.T + np.diag(precision))
         middle = covariance @ (axes @ pulled + precision * centre)
         root = _WIDER * SPREAD * np.linalg.cholesky(covariance)
-        self.passes.append((_CENTRE + SPREAD * middle, root))
-        near = from_pass(self.passes[-1], _MORE, seed)
-        log_likelihood = smooth(self.series, np.exp(near), self.jumps).log_likelihood
-        self.points = np.concatenate([self.points, near])
+        self.add((_CENTRE + SPREAD * middle, root), seed)
+
+    def add(self, near: Pass, seed: int) -> None:
+        """The points of one more pass."""
+        self.passes.append(near)
+        points = from_pass(near, _MORE, seed)
+        log_likelihood = smooth(self.series, np.exp(points), self.jumps).log_likelihood
+        self.points = np.concatenate([self.points, points])
         self.log_likelihood = np.concatenate([self.log_likelihood, log_likelihood])
-        self._prepare()
+
+
+@dataclass(frozen=True, eq=False)
+class _Stack:
+    """The kept rates of the A arms of a model one below the other, R in all: `features` (R, 2 n) are squares
+    and values of their logarithms from the prior's median, 0 for an offset that the arm does not have;
+    `base` (R,) as of each arm, up to a constant; `begins` (A,) where each begins, `present` (A, n) its
+    offsets."""
+
+    features: Matrix
+    base: Matrix
+    begins: Index
+    present: Matrix
+
+    @staticmethod
+    def of(clouds: Sequence[_Cloud], size: int) -> _Stack:
+        """Of n = `size` offsets that are modelled."""
+        features, bases = [np.zeros((0, 2 * size))], [np.zeros(0)]
+        present = np.zeros((len(clouds), size))
+        for k, cloud in enumerate(clouds):
+            kept, modelled = cloud.kept, cloud.columns >= 0
+            x = np.zeros((int(kept.sum()), size))
+            x[:, cloud.columns[modelled]] = cloud.points[np.ix_(kept, modelled)] - _CENTRE
+            present[k, cloud.columns[modelled]] = 1.0
+            features.append(np.concatenate([x**2, x], axis=1))
+            bases.append(cloud.base[kept] - cloud.base[kept].max())
+        begins = np.cumsum([*map(len, bases)])[:-1]
+        return _Stack(np.concatenate(features), np.concatenate(bases), begins, present)
+
+    @property
+    def arm(self) -> Index:
+        """(R,) which arm each is of."""
+        return np.repeat(np.arange(len(self.begins)), np.diff(self.begins, append=len(self.base)))
+
+    @cached_property
+    def _single(self) -> tuple[list[Matrix], list[Matrix]]:
+        """Features and base of each arm in single precision, which takes a fourth of the time and is far
+        finer than the number of rates is."""
+        parts = (self.features.astype(np.float32), self.base.astype(np.float32))
+        return np.split(parts[0], self.begins[1:]), np.split(parts[1], self.begins[1:])
+
+    def log_weights(self, k: int, mu: Matrix, tau: Matrix) -> Matrix:
+        """(H, K) of the rates of arm k for `mu`, `tau` (H, n), up to a constant of the arm."""
+        linear, constant = _normal(mu, tau)
+        features, base = self._single[0][k], self._single[1][k]
+        log_weights = linear.astype(base.dtype) @ features.T
+        log_weights += base
+        log_weights -= (constant @ self.present[k])[:, None].astype(base.dtype)
+        return np.asarray(log_weights)
+
+    def weights(self, k: int, mu: Matrix, tau: Matrix) -> Matrix:
+        """(K, H) of the rates of arm k, which sum to 1 for each `mu`, `tau`."""
+        return normalised(self.log_weights(k, mu, tau).T.astype(float))
+
+    def log_likelihood(self, mu: Matrix, tau: Matrix) -> Matrix:
+        """(H,) of all arms together, up to a constant."""
+        each = (_log_sum(self.log_weights(k, mu, tau)) for k in range(len(self.begins)))
+        return np.asarray(sum(each, np.zeros(len(mu))))
+
+    def density(self, at: Matrix) -> tuple[float, Matrix]:
+        """The logarithm of the density of the coordinates `at` (2 n,) up to a constant, and its gradient."""
+        size = len(at) // 2
+        mu, tau = _model(at[None])
+        (linear,), (constant,) = _normal(mu, tau)
+        log_weights = self.features @ linear + self.base
+        most = np.maximum.reduceat(log_weights, self.begins)
+        arm = self.arm
+        weights = np.exp(log_weights - most[arm])
+        total = np.add.reduceat(weights, self.begins)
+        value = float((most + np.log(total) - self.present @ constant).sum()) - 0.5 * float(at @ at)
+        squared, mean = np.split((weights / total[arm]) @ self.features, 2)
+        centre, variance, count = mu[0] - _CENTRE, tau[0] ** 2, self.present.sum(axis=0)
+        by_mu = (mean - count * centre) / variance
+        by_log_tau = (squared - 2 * centre * mean + count * centre**2) / variance - count
+        within = (1 - LEAST) * special.ndtr(-at[size:])
+        slope = (1 - LEAST) * np.exp(-0.5 * at[size:] ** 2) / math.sqrt(2 * math.pi)  # of rho
+        by_rho = by_log_tau / (2 * (1 - within)) - by_mu * (SPREAD * at[:size]) / (2 * np.sqrt(within))
+        return value, np.concatenate([by_mu * SPREAD * np.sqrt(within), by_rho * slope]) - at
+
+    def mode(self) -> Matrix:
+        """(2 n,) where the density of mu and rho is highest."""
+        size = self.present.shape[1]
+        if not size:
+            return np.zeros(0)
+        result = optimize.minimize(
+            lambda at: tuple(-part for part in self.density(at)),
+            np.zeros(2 * size),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(-6, 6)] * (2 * size),
+            options={"gtol": 1e-3, "ftol": 1e-8},
+        )
+        return np.asarray(result.x)
+
+    def about_mode(self, mode: Matrix) -> Matrix:
+        """A root (2 n, 2 n) of the covariance about the mode, by differences of the gradient."""
+        steps = _STEP * np.eye(len(mode))
+        curved = [(self.density(mode - d)[1] - self.density(mode + d)[1]) / (2 * _STEP) for d in steps]
+        precision = np.reshape(curved, (len(mode), len(mode)))
+        values, axes = np.linalg.eigh((precision + precision.T) / 2)
+        return np.asarray(_NEAR * axes / np.sqrt(np.maximum(values, 0.5)))
 
 
 def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
@@ -155,55 +246,55 @@ def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
     with_rate = {name for arm in drifts for name in arm.series.names if arm.determines_rate(name)}
     names = tuple(sorted(with_rate, key=lambda name: (len(name), name)))
     clouds = [_cloud(arm, names) for arm in drifts]
+    stack = _Stack.of(clouds, len(names))
     for number in range(_ROUNDS):
-        mode = _mode(clouds, len(names))
-        (mu,), (tau,) = _model(mode[None])
-        few = [cloud for cloud in clouds if _agreeing(cloud, mu, tau) < ENOUGH]
-        for k, cloud in enumerate(few):
-            cloud.extend(mu, tau, seed + 1000 * (number + 1) + k)
+        mu, tau = _model(stack.mode()[None])
+        few = [k for k in range(len(clouds)) if effective(stack.weights(k, mu, tau)[:, 0]) < ENOUGH]
+        for place, k in enumerate(few):
+            clouds[k].extend(mu[0], tau[0], seed + 1000 * (number + 1) + place)
         if not few:
             break
-    mode = _mode(clouds, len(names))
-    passes = [(np.zeros(len(mode)), np.eye(len(mode))), (mode, _about_mode(clouds, mode))]
+        stack = _Stack.of(clouds, len(names))
+    mode = stack.mode()
+    passes = [(np.zeros(len(mode)), np.eye(len(mode))), (mode, stack.about_mode(mode))]
 
     def log_likelihood(points: Matrix) -> Matrix:
-        total = np.zeros(len(points))
-        for part in range(0, len(points), _AT_ONCE):
-            mu, tau = _model(points[part : part + _AT_ONCE])
-            for cloud in clouds:
-                total[part : part + _AT_ONCE] += _log_sum(cloud.log_weights(mu, tau))
-        return total
+        parts = np.split(points, range(_AT_ONCE, len(points), _AT_ONCE))
+        return np.concatenate([stack.log_likelihood(*_model(part)) for part in parts])
 
     points, log_likelihoods = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
     weights = normalised(log_likelihoods + over_passes(points, passes))
     mu, tau = _model(points)
     some = np.searchsorted(np.cumsum(weights), (np.arange(_SOME) + 0.5) / _SOME)
-    arms = tuple(
-        _arm(cloud, arm_drift, mu[some], tau[some]) for cloud, arm_drift in zip(clouds, drifts, strict=True)
-    )
+    arms = tuple(_arm(cloud, mu[some], tau[some], seed) for cloud in clouds)
     return ModelRates(names, mu, tau, weights, effective(weights), arms)
 
 
 def _cloud(drift: Drift, names: tuple[str, ...]) -> _Cloud:
     columns = [names.index(name) if name in names else -1 for name in drift.series.names]
-    return _Cloud(
-        drift.series,
-        drift.allowed,
-        np.log(drift.rates),
-        drift.smoothed.log_likelihood,
-        list(drift.passes),
-        np.array(columns),
-    )
+    log_likelihood, passes = drift.smoothed.log_likelihood, list(drift.passes)
+    rates = np.log(drift.rates)
+    return _Cloud(drift.series, drift.allowed, rates, log_likelihood, passes, np.array(columns))
 
 
-def _arm(cloud: _Cloud, drift: Drift, mu: Matrix, tau: Matrix) -> ArmRates:
-    of_each = normalised(cloud.log_weights(mu, tau).T.astype(float))  # (K, H)
-    agreeing = float((1 / (of_each**2).sum(axis=0)).mean())
-    return ArmRates(drift.series.names, np.exp(cloud.points[cloud.kept]), of_each.mean(axis=1), agreeing)
+def _arm(cloud: _Cloud, mu: Matrix, tau: Matrix, seed: int) -> ArmRates:
+    """The rates of an arm given `mu` and `tau` (H, n): more of them, about those that agree where the fewest
+    do, while fewer than `FEW` agree on average."""
+    for number in range(_AGAIN + 1):
+        of_each = _Stack.of([cloud], mu.shape[1]).weights(0, mu, tau)  # (K, H)
+        agreeing = 1 / (of_each**2).sum(axis=0)
+        if agreeing.mean() >= FEW or number == _AGAIN:
+            break
+        cloud.add(about(cloud.points[cloud.kept], of_each[:, agreeing.argmin()]), seed + 10_000 + number)
+    rates = np.exp(cloud.points[cloud.kept])
+    return ArmRates(cloud.series.names, rates, of_each.mean(axis=1), float(agreeing.mean()))
 
 
-def _agreeing(cloud: _Cloud, mu: Matrix, tau: Matrix) -> float:
-    return effective(normalised(cloud.log_weights(mu[None], tau[None])[0]))
+def _normal(mu: Matrix, tau: Matrix) -> tuple[Matrix, Matrix]:
+    """What multiplies the features (H, 2 n), and minus what each offset adds (H, n), of log N(mu, tau^2)."""
+    precision, centre = 1 / tau**2, mu - _CENTRE
+    linear = np.concatenate([-0.5 * precision, precision * centre], axis=1)
+    return linear, 0.5 * precision * centre**2 + np.log(tau)
 
 
 def _log_sum(log_weights: Matrix) -> Matrix:
@@ -220,48 +311,3 @@ def _model(points: Matrix) -> tuple[Matrix, Matrix]:
     z, share = points[:, :size], points[:, size:]
     within = (1 - LEAST) * special.ndtr(-share)  # 1 - rho
     return _CENTRE + SPREAD * np.sqrt(within) * z, SPREAD * np.sqrt(1 - within)
-
-
-def _mode(clouds: Sequence[_Cloud], size: int) -> Matrix:
-    """(2 n,) where the density of mu and rho is highest."""
-    if not size:
-        return np.zeros(0)
-    result = optimize.minimize(
-        lambda at: tuple(-part for part in _density(clouds, at)),
-        np.zeros(2 * size),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(-6, 6)] * (2 * size),
-        options={"gtol": 1e-3, "ftol": 1e-8},
-    )
-    return np.asarray(result.x)
-
-
-def _density(clouds: Sequence[_Cloud], at: Matrix) -> tuple[float, Matrix]:
-    """The logarithm of the density of the coordinates `at` (2 n,) up to a constant, and its gradient."""
-    size = len(at) // 2
-    (mu,), (tau,) = _model(at[None])
-    value, by_mu, by_log_tau = -0.5 * float(at @ at), np.zeros(size), np.zeros(size)
-    for cloud in clouds:
-        log_weights = cloud.log_weights(mu[None], tau[None])[0]
-        weights = np.exp(log_weights - log_weights.max())
-        total = float(weights.sum())
-        value += float(log_weights.max()) + math.log(total)
-        columns = cloud.columns[cloud.columns >= 0]
-        squared, mean = np.split(cloud.features @ weights / total, 2)
-        centre, variance = mu[columns] - _CENTRE, tau[columns] ** 2
-        by_mu[columns] += (mean - centre) / variance
-        by_log_tau[columns] += (squared - 2 * centre * mean + centre**2) / variance - 1
-    within = (1 - LEAST) * special.ndtr(-at[size:])
-    slope = (1 - LEAST) * np.exp(-0.5 * at[size:] ** 2) / math.sqrt(2 * math.pi)  # of rho
-    by_rho = by_log_tau / (2 * (1 - within)) - by_mu * (SPREAD * at[:size]) / (2 * np.sqrt(within))
-    return value, np.concatenate([by_mu * SPREAD * np.sqrt(within), by_rho * slope]) - at
-
-
-def _about_mode(clouds: Sequence[_Cloud], mode: Matrix) -> Matrix:
-    """A root (2 n, 2 n) of the covariance about the mode, by differences of the gradient."""
-    steps = _STEP * np.eye(len(mode))
-    curved = [(_density(clouds, mode - d)[1] - _density(clouds, mode + d)[1]) / (2 * _STEP) for d in steps]
-    precision = np.reshape(curved, (len(mode), len(mode)))
-    values, axes = np.linalg.eigh((precision + precision.T) / 2)
-    return np.asarray(_NEAR * axes / np.sqrt(np.maximum(values, 0.5)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from ...experiments.batch import Batch
 from ...model.errors import missing_extra
@@ -12,10 +13,15 @@ from ...model.files.whole_file import write_whole
 from ...model.records import dumps, to_json
 from ...words.spreadsheet import csv_text
 from ..output.html import html
+from ..studies.study_blocks import flat
 from .batch_page import batch_page, uncertainty_picture
 
 PAGE, ANSWER, RUNS, OFFSETS = "batch.html", "batch.json", "runs.csv", "offsets.csv"
 _PARQUET = {RUNS: "runs.parquet", OFFSETS: "offsets.parquet"}
+_NUMBERS = {
+    **dict.fromkeys(("worst_u", "residuals_over_noise", "p_value", "estimate", "u"), "float64"),
+    **{"low95": "float64", "high95": "float64", "measurements": "int64"},
+}  # columns of Parquet; the others are text
 FILES = frozenset({PAGE, ANSWER, RUNS, OFFSETS, *_PARQUET.values()})
 
 
@@ -24,7 +30,7 @@ def write_batch(folder: Path, done: Batch, *, parquet: bool) -> None:
     picture = uncertainty_picture(done.rows)
     pictures = {} if picture is None else {picture.name: picture}
     write_whole(folder / ANSWER, dumps(to_json(done)), force=True)
-    for name, rows in ((RUNS, run_rows), (OFFSETS, offset_rows)):
+    for name, rows in ((RUNS, run_rows), (OFFSETS, _OFFSET_ROWS)):
         write_whole(folder / name, csv_text(rows(done)), force=True)
         if parquet:
             write_whole(folder / _PARQUET[name], _parquet(list(rows(done))), force=True)
@@ -41,51 +47,23 @@ def require_parquet() -> None:
         raise missing_extra("a table in Parquet", "parquet", needed="pyarrow") from None
 
 
+# `runs.csv` has a row for each run, `offsets.csv` one for each offset of each run.
+_RUN_ROWS: Any = flat(
+    "rows",
+    "run=1.name file outcome robot serial when measurements worst_offset=1.worst.name worst_u=1.worst.u"
+    " unit=1.worst.unit residuals_over_noise=1.factor p_value misfit odd_offset posterior message sha256",
+)
+_OFFSET_ROWS: Any = flat(
+    "rows offsets",
+    "run=1.name robot=1.robot serial=1.serial when=1.when outcome=1.outcome offset=2.name unit status"
+    " estimate u low95=2.interval95.0 high95=2.interval95.1",
+)
+
+
 def run_rows(done: Batch) -> Iterator[dict[str, object]]:
-    """`runs.csv`: one row for each run."""
+    """`runs.csv`."""
     outlier_of = {outlier.run: outlier.offset for outlier in reversed(done.outliers)}
-    for row in done.rows:
-        worst = row.worst
-        yield {
-            "run": row.name,
-            "file": row.file,
-            "outcome": row.outcome,
-            "robot": row.robot,
-            "serial": row.serial,
-            "when": row.when,
-            "measurements": row.measurements,
-            "worst_offset": worst and worst.name,
-            "worst_u": worst and worst.u,
-            "unit": worst and worst.unit,
-            "residuals_over_noise": row.factor,
-            "p_value": row.p_value,
-            "misfit": " ".join(row.misfit),
-            "odd_offset": outlier_of.get(row.name),
-            "posterior": row.posterior,
-            "message": row.message,
-            "sha256": row.sha256,
-        }
-
-
-def offset_rows(done: Batch) -> Iterator[dict[str, object]]:
-    """`offsets.csv`: one row for each offset of each run."""
-    for row in done.rows:
-        for offset in row.offsets:
-            low, high = offset.interval95 or (None, None)
-            yield {
-                "run": row.name,
-                "robot": row.robot,
-                "serial": row.serial,
-                "when": row.when,
-                "outcome": row.outcome,
-                "offset": offset.name,
-                "unit": offset.unit,
-                "status": offset.status,
-                "estimate": offset.estimate,
-                "u": offset.u,
-                "low95": low,
-                "high95": high,
-            }
+    return ({**row, "odd_offset": outlier_of.get(str(row["run"]))} for row in _RUN_ROWS(done))
 
 
 def _parquet(rows: list[dict[str, object]]) -> bytes:
@@ -93,18 +71,8 @@ def _parquet(rows: list[dict[str, object]]) -> bytes:
     import pyarrow
     import pyarrow.parquet
 
-    numbers = {
-        "worst_u": pyarrow.float64(),
-        "residuals_over_noise": pyarrow.float64(),
-        "p_value": pyarrow.float64(),
-        "measurements": pyarrow.int64(),
-        "estimate": pyarrow.float64(),
-        "u": pyarrow.float64(),
-        "low95": pyarrow.float64(),
-        "high95": pyarrow.float64(),
-    }
     names = list(rows[0]) if rows else []
-    kinds = pyarrow.schema([(name, numbers.get(name, pyarrow.string())) for name in names])
+    kinds = pyarrow.schema([(name, getattr(pyarrow, _NUMBERS.get(name, "string"))()) for name in names])
     out = io.BytesIO()
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows, schema=kinds), out)
     return out.getvalue()

@@ -3,46 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Sized
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from ...analysis.diagnostics.outliers import FEWEST_VALUES
-from ...experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchOffset, BatchRow
+from ...experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchRow, Outcome, OutlierArm
 from ...words import numbers
 from ...words.entries import VERDICT_WORDS
 from ...words.wording import clipped, counted, label, person, shown
 from ..style.blocks import (
     Block,
     Cell,
+    Columns,
     Facts,
     FigureBlock,
     Page,
     Paragraph,
-    Row,
     Section,
     Table,
-    row_of,
     section_of,
-    table_of,
+    table_by,
 )
 from ..style.blocks import Verdict as Headline
 from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
-from ..style.palette import light
+from ..style.palette import VERDICT_MARKS, light
 
 _MOST_ROWS = 1000
 _MOST_NAMED = 200
 _LONGEST_NAME, _LONGEST_MESSAGE = 40, 240
 _NO_NUMBER = "—"
 _WORDS: dict[str, str] = {"failed": "Failed", **{str(key): word for key, word in VERDICT_WORDS.items()}}
-_MARK = {
-    "failed": "",
-    "misfit": "unvalidated",
-    "degenerate": "unidentifiable",
-    "weak": "weak",
-    "pass": "identified",
-}
+_MARK = {"failed": "", **VERDICT_MARKS}
 _CRITERIA = {
     "chi2": "residuals",
     "noise_factor": "noise factor",
@@ -107,129 +100,90 @@ def _notes(done: Batch) -> Iterator[str]:
 
 
 def _outcomes(done: Batch) -> Table:
-    columns = ["outcome", "runs", "share"]
-    rows = [
-        row_of(Cell(_WORDS[outcome], mark=_MARK[outcome]), f"{number:,}", f"{number / len(done.rows):.1%}")
-        for outcome, number in done.counts.items()
-        if number
-    ]
-    return table_of("Runs by outcome, the gravest first", columns, rows)
+    columns: Columns[tuple[Outcome, int]] = {
+        "outcome": lambda row: Cell(_WORDS[row[0]], mark=_MARK[row[0]]),
+        "runs": lambda row: f"{row[1]:,}",
+        "share": lambda row: f"{row[1] / len(done.rows):.1%}",
+    }
+    present = [(outcome, number) for outcome, number in done.counts.items() if number]
+    return table_by("Runs by outcome, the gravest first", present, columns)
 
 
-def _failures(done: Batch) -> list[Section]:
-    rows = [row for row in done.rows if row.outcome == "failed"]
-    if not rows:
-        return []
-    columns = ["file", "message"]
-    lines = [
-        row_of(clipped(row.file, 60), clipped("; ".join(_lines(row.message)), _LONGEST_MESSAGE))
-        for row in rows[:_MOST_NAMED]
-    ]
-    return [
-        section_of(
-            "Failures", table_of(_caption("Runs without a result", rows), columns, lines, "l"), brief=True
-        )
-    ]
+def _failures(done: Batch) -> Iterator[Section]:
+    columns: Columns[BatchRow] = {
+        "file": lambda row: clipped(row.file, 60),
+        "message": lambda row: clipped("; ".join(_lines(row.message)), _LONGEST_MESSAGE),
+    }
+    if rows := [row for row in done.rows if row.outcome == "failed"]:
+        caption = _caption("Runs without a result", rows)
+        yield section_of("Failures", table_by(caption, rows[:_MOST_NAMED], columns, "l"), brief=True)
 
 
 def _lines(message: str) -> list[str]:
     return [" ".join(line.split()) for line in message.splitlines()]
 
 
-def _misfits(done: Batch) -> list[Section]:
-    rows = [row for row in done.rows if row.outcome == "misfit"]
-    if not rows:
-        return []
-    rows = sorted(rows, key=lambda row: -(row.factor or 0.0))
-    columns = ["run", "criteria", "residuals / noise", "p-value"]
-    lines = [
-        row_of(
-            _run(row),
-            ", ".join(_CRITERIA.get(criterion, criterion) for criterion in row.misfit),
-            _NO_NUMBER if row.factor is None else numbers.times(row.factor),
-            _NO_NUMBER if row.p_value is None else numbers.p_value(row.p_value),
-            tone="unvalidated",
-        )
-        for row in rows[:_MOST_NAMED]
-    ]
-    about = Paragraph("The model does not describe these measurements: none of their offsets is validated.")
-    return [section_of("Lack of fit", about, table_of(_caption("Misfits", rows), columns, lines, "llr"))]
+def _misfits(done: Batch) -> Iterator[Section]:
+    columns: Columns[BatchRow] = {
+        "run": _run,
+        "criteria": lambda row: ", ".join(_CRITERIA.get(criterion, criterion) for criterion in row.misfit),
+        "residuals / noise": _factor,
+        "p-value": lambda row: _NO_NUMBER if row.p_value is None else numbers.p_value(row.p_value),
+    }
+    rows = sorted((row for row in done.rows if row.outcome == "misfit"), key=lambda row: -(row.factor or 0.0))
+    if rows:
+        about = "The model does not describe these measurements: none of their offsets is validated."
+        caption = _caption("Misfits", rows)
+        table = table_by(caption, rows[:_MOST_NAMED], columns, "llr", lambda row: "unvalidated")
+        yield section_of("Lack of fit", Paragraph(about), table)
 
 
-def _outliers(done: Batch) -> list[Block]:
+def _outliers(done: Batch) -> Iterator[Block]:
     explanation = (
         "Outliers are identified offsets far from those of the other runs of the same robot model"
         " (generalised extreme Studentised deviate test, for normal offsets). The probability of any false"
         f" alarm is {OUTLIER_ALARM:.0%} over all models and offsets. Those with fewer than {FEWEST_VALUES}"
         " values are not tested."
     )
-    if not done.outliers:
-        return [Paragraph(f"None. {explanation}")]
-    columns = ["run", "robot", "serial", "offset", "estimate", "standard deviations off"]
-    rows = [
-        row_of(
-            clipped(arm.run, _LONGEST_NAME),
-            clipped(arm.robot, 24),
-            clipped(arm.serial, 24) if arm.serial else _NO_NUMBER,
-            person(arm.offset),
-            numbers.significant(arm.estimate, 3, arm.unit),
-            numbers.significant(arm.off, 2),
-            tone="weak",
-        )
-        for arm in done.outliers[:_MOST_NAMED]
-    ]
-    return [
-        Paragraph(explanation),
-        table_of(_caption("Outlying offsets", done.outliers), columns, rows, "llllr"),
-    ]
+    yield Paragraph(explanation if done.outliers else f"None. {explanation}")
+    columns: Columns[OutlierArm] = {
+        "run": lambda arm: clipped(arm.run, _LONGEST_NAME),
+        "robot": lambda arm: clipped(arm.robot, 24),
+        "serial": lambda arm: _or_none(arm.serial),
+        "offset": lambda arm: person(arm.offset),
+        "estimate": lambda arm: numbers.significant(arm.estimate, 3, arm.unit),
+        "standard deviations off": lambda arm: numbers.significant(arm.off, 2),
+    }
+    if done.outliers:
+        caption = _caption("Outlying offsets", done.outliers)
+        yield table_by(caption, done.outliers[:_MOST_NAMED], columns, "llllr", lambda arm: "weak")
 
 
 def _largest(done: Batch) -> Table | None:
-    rows = [(row, row.worst) for row in done.rows]
-    known = [(row, worst) for row, worst in rows if worst is not None and worst.u is not None]
-    if not known:
-        return None
-    known.sort(key=lambda pair: -(pair[1].u or 0.0))
-    columns = ["run", "outcome", "offset", "u"]
-    lines = [row_of(_run(row), _outcome(row), label(worst.name), _u(worst)) for row, worst in known[:20]]
-    return table_of(f"The {len(lines)} largest", columns, lines, "lllr")
+    known = [row for row in done.rows if row.worst is not None and row.worst.u is not None]
+    known.sort(key=lambda row: -((row.worst and row.worst.u) or 0.0))
+    columns: Columns[BatchRow] = {"run": _run, "outcome": _outcome, "offset": _worst, "u": _u}
+    return table_by(f"The {len(known[:20])} largest", known[:20], columns, "lllr") if known else None
 
 
 def _every(done: Batch) -> Table:
     rows = sorted(done.rows, key=lambda row: OUTCOMES.index(row.outcome))
-    columns = [
-        "run",
-        "outcome",
-        "robot",
-        "serial",
-        "when",
-        "measurements",
-        "worst offset",
-        "u",
-        "residuals / noise",
-        "posterior",
-    ]
     caption = "The gravest first; results are in the folders of these names"
     if len(rows) > _MOST_ROWS:
         caption += f". The first {_MOST_ROWS:,} of {len(rows):,}: runs.csv has all"
-    return table_of(caption, columns, [_row(row) for row in rows[:_MOST_ROWS]], "lllllrlrrl")
-
-
-def _row(row: BatchRow) -> Row:
-    worst = row.worst
-    undetermined = "undetermined" if row.outcome == "degenerate" else _NO_NUMBER
-    return row_of(
-        _run(row),
-        _outcome(row),
-        clipped(row.robot, 24) if row.robot else _NO_NUMBER,
-        clipped(row.serial, 24) if row.serial else _NO_NUMBER,
-        clipped(row.when, 24) if row.when else _NO_NUMBER,
-        _NO_NUMBER if row.measurements is None else str(row.measurements),
-        undetermined if worst is None else label(worst.name),
-        _NO_NUMBER if worst is None else _u(worst),
-        _NO_NUMBER if row.factor is None else numbers.times(row.factor),
-        row.posterior or _NO_NUMBER,
-    )
+    columns: Columns[BatchRow] = {
+        "run": _run,
+        "outcome": _outcome,
+        "robot": lambda row: _or_none(row.robot),
+        "serial": lambda row: _or_none(row.serial),
+        "when": lambda row: _or_none(row.when),
+        "measurements": lambda row: _NO_NUMBER if row.measurements is None else str(row.measurements),
+        "worst offset": _worst,
+        "u": _u,
+        "residuals / noise": _factor,
+        "posterior": lambda row: row.posterior or _NO_NUMBER,
+    }
+    return table_by(caption, rows[:_MOST_ROWS], columns, "lllllrlrrl")
 
 
 def _about(done: Batch) -> list[tuple[str, str]]:
@@ -255,12 +209,26 @@ def _outcome(row: BatchRow) -> Cell:
     return Cell(_WORDS[row.outcome], mark=_MARK[row.outcome])
 
 
-def _u(offset: BatchOffset) -> str:
-    return _NO_NUMBER if offset.u is None else numbers.spread(offset.u, offset.unit)
+def _worst(row: BatchRow) -> str:
+    undetermined = "undetermined" if row.outcome == "degenerate" else _NO_NUMBER
+    return undetermined if row.worst is None else label(row.worst.name)
 
 
-def _caption(what: str, rows: object) -> str:
-    count = len(rows)  # type: ignore[arg-type]
+def _u(row: BatchRow) -> str:
+    worst = row.worst
+    return _NO_NUMBER if worst is None or worst.u is None else numbers.spread(worst.u, worst.unit)
+
+
+def _factor(row: BatchRow) -> str:
+    return _NO_NUMBER if row.factor is None else numbers.times(row.factor)
+
+
+def _or_none(text: str | None) -> str:
+    return clipped(text, 24) if text else _NO_NUMBER
+
+
+def _caption(what: str, rows: Sized) -> str:
+    count = len(rows)
     return what if count <= _MOST_NAMED else f"{what}: the first {_MOST_NAMED} of {count:,}, runs.csv has all"
 
 

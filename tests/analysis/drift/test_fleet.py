@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from zerobeam.analysis.drift import fleet
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, Drift, drift
 from zerobeam.analysis.drift.fleet import ENOUGH, LEAST, ModelRates, model_rates
-from zerobeam.analysis.drift.importance import against_passes, normalised
+from zerobeam.analysis.drift.importance import against_passes
 from zerobeam.analysis.drift.smoother import Series, smooth
 from zerobeam.model.arrays import Matrix
 
@@ -64,22 +64,43 @@ def test_normal_likelihoods_given_mu_and_tau_have_the_closed_form() -> None:
     centres, std = np.array([-6.0, -4.0, -3.0]), 0.8
     mu, tau = np.array([[-4.5], [-3.0]]), np.array([[0.5], [1.0]])
     clouds = normal_likelihood(centres, std)
-    found = np.sum([fleet._log_sum(own.log_weights(mu, tau)) for own in clouds], axis=0)
+    stack = fleet._Stack.of(clouds, 1)
+    found = stack.log_likelihood(mu, tau)
     exact = stats.norm(mu, np.sqrt(tau**2 + std**2)).logpdf(centres).sum(axis=1)
     assert found[0] - found[1] == pytest.approx(exact[0] - exact[1], abs=0.1)
-    for own, centre in zip(clouds, centres, strict=True):
-        weights = normalised(own.log_weights(mu[:1], tau[:1])[0].astype(float))
+    for k, (own, centre) in enumerate(zip(clouds, centres, strict=True)):
+        weights = stack.weights(k, mu[:1], tau[:1])[:, 0]
         mean = weights @ own.points[own.kept, 0]
         shrunk = (centre / std**2 + mu[0, 0] / tau[0, 0] ** 2) / (1 / std**2 + 1 / tau[0, 0] ** 2)
         assert mean == pytest.approx(shrunk, abs=0.05)
 
 
 def test_the_slope_of_the_density_is_that_of_differences() -> None:
-    clouds, at, step = normal_likelihood(np.array([-6.0, -4.0]), 0.8), np.array([0.7, -0.4]), 1e-5
-    _, slope = fleet._density(clouds, at)
+    stack, at, step = (
+        fleet._Stack.of(normal_likelihood(np.array([-6.0, -4.0]), 0.8), 1),
+        np.array([0.7, -0.4]),
+        1e-5,
+    )
+    _, slope = stack.density(at)
     for k, d in enumerate(step * np.eye(2)):
-        difference = (fleet._density(clouds, at + d)[0] - fleet._density(clouds, at - d)[0]) / (2 * step)
+        difference = (stack.density(at + d)[0] - stack.density(at - d)[0]) / (2 * step)
         assert slope[k] == pytest.approx(difference, rel=1e-5)
+
+
+def test_rates_are_added_until_enough_agree_with_the_model() -> None:
+    """Of an arm far from its model a single rate agreed, and its interval had no width."""
+    alone = drift(walked(np.random.default_rng(2), (3.0, 0.003), 20))
+    mu, tau = np.log([[2.0, 0.004]]), np.full((1, 2), 0.4)
+    whole, few = fleet._arm(fleet._cloud(alone, NAMES), mu, tau, 0), fleet._cloud(alone, NAMES)
+    few.points, few.log_likelihood, few.passes = few.points[:256], few.log_likelihood[:256], few.passes[:1]
+    before = 1 / (fleet._Stack.of([few], 2).weights(0, mu, tau) ** 2).sum()
+    found = fleet._arm(few, mu, tau, 0)
+    assert before < 2 < fleet.FEW <= found.effective
+    for name in NAMES:
+        chance = 4 * 0.4 / math.sqrt(found.effective)
+        assert abs(math.log(found.rate(name)[0] / whole.rate(name)[0])) < chance
+        low, high = found.rate(name)[1]
+        assert high > 1.3 * low
 
 
 def on_a_grid(drifts: list[Drift]) -> tuple[float, float, float, list[float]]:
