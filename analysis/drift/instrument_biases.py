@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -154,63 +154,45 @@ class _CorrectedArm:
 
 @dataclass(frozen=True, eq=False)
 class _BiasInformation:
-    """The information of A arms about q biases each, at the places `at` (A, q) of all that are sampled.
-
-    `numbers` (A, K, q + q (q + 1) / 2) of each rate: the vector, then the upper triangle of the symmetric
-    matrix. `arms` (A,) are their places among those that change the instrument.
-    """
+    """The information of A arms about q biases each, at the places `at` (A, q) of all that are sampled, for
+    each of their rates: `vector` (A, K, q), `matrix` (A, K, q, q). `arms` (A,) are their places among those
+    that change the instrument."""
 
     arms: Index
     at: Index
-    numbers: Matrix
+    vector: Matrix
+    matrix: Matrix
 
     @staticmethod
     def of(arms: Sequence[_CorrectedArm], rows: Mapping[Column, int]) -> list[_BiasInformation]:
         """Of the columns in `rows`: no change of instrument touches the others. Arms of as many biases are
         together."""
         kept = [[k for k, column in enumerate(arm.columns) if column in rows] for arm in arms]
-        alike: dict[int, list[int]] = {}
-        for i, of_arm in enumerate(kept):
-            alike.setdefault(len(of_arm), []).append(i)
         together = []
-        for size, members in alike.items():
-            upper, lower = np.triu_indices(size)
-            numbers = np.empty((len(members), _RATES, size + len(upper)))
-            for row, i in enumerate(members):
-                k = np.array(kept[i], dtype=np.int64)
-                numbers[row, :, :size] = arms[i].vector[:, k]
-                numbers[row, :, size:] = arms[i].matrix[:, k[upper], k[lower]]
-            at = np.array([[rows[arms[i].columns[k]] for k in kept[i]] for i in members], dtype=np.int64)
-            together.append(_BiasInformation(np.array(members), at, numbers))
+        for size in dict.fromkeys(map(len, kept)):
+            members = [i for i, of_arm in enumerate(kept) if len(of_arm) == size]
+            at = [[rows[arms[i].columns[k]] for k in kept[i]] for i in members]
+            vectors = np.array([arms[i].vector[:, kept[i]] for i in members])
+            matrices = np.array([arms[i].matrix[:, kept[i]][:, :, kept[i]] for i in members])
+            together.append(_BiasInformation(np.array(members), np.array(at), vectors, matrices))
         return together
-
-    @cached_property
-    def corners(self) -> tuple[Index, Index]:
-        """The rows and columns of a triangle."""
-        return np.triu_indices(self.at.shape[1])
 
     def trace(self) -> float:
         """The sum of the mean traces of the matrices."""
-        upper, lower = self.corners
-        return float(self.numbers[:, :, self.at.shape[1] :][:, :, upper == lower].mean(axis=1).sum())
+        return float(self.matrix.mean(axis=1).trace(axis1=1, axis2=2).sum())
 
     def add_to(self, matrix: Matrix, vector: Matrix, chosen: Index) -> None:
         """Add what each arm says at its `chosen` rate."""
-        numbers, (upper, lower), q = (
-            self.numbers[np.arange(len(chosen)), chosen],
-            self.corners,
-            self.at.shape[1],
-        )
-        np.add.at(vector, self.at, numbers[:, :q])
-        np.add.at(matrix, (self.at[:, upper], self.at[:, lower]), numbers[:, q:])
-        apart = upper != lower
-        np.add.at(matrix, (self.at[:, lower[apart]], self.at[:, upper[apart]]), numbers[:, q:][:, apart])
+        arms = np.arange(len(chosen))
+        np.add.at(vector, self.at, self.vector[arms, chosen])
+        np.add.at(matrix, (self.at[:, :, None], self.at[:, None]), self.matrix[arms, chosen])
 
     def choose(self, bias: Matrix, shares: Matrix) -> Index:
         """(A,) rates drawn given all biases: each where its cumulated weight exceeds its share (A,)."""
-        biases, (upper, lower) = bias[self.at], self.corners
-        pairs = -biases[:, upper] * biases[:, lower] * np.where(upper == lower, 0.5, 1.0)
-        log_weights = (self.numbers @ np.concatenate([biases, pairs], axis=1)[:, :, None])[:, :, 0]
+        biases = bias[self.at]
+        pairs = (biases[:, :, None] * biases[:, None]).reshape(len(biases), -1, 1)
+        squared = self.matrix.reshape(*self.matrix.shape[:2], -1) @ pairs
+        log_weights = (self.vector @ biases[:, :, None] - squared / 2)[:, :, 0]
         cumulated = np.cumsum(normalised(log_weights.T), axis=0)
         return np.asarray(np.minimum((cumulated < shares).sum(axis=0), len(cumulated) - 1))
 

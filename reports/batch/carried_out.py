@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -127,7 +128,10 @@ def _carried_out(
 
     # A process takes longer to start than a piece takes to solve.
     processes = min(processes or os.cpu_count() or 1, -(-len(files) // TOGETHER))
-    with closing(side_by_side(solved_piece, _pieces(left(), settings), processes)) as answers:
+    runs = left()
+    together = iter(lambda: tuple(islice(runs, TOGETHER)), ())
+    pieces = (BatchPiece(some, settings) for some in together)
+    with closing(side_by_side(solved_piece, pieces, processes)) as answers:
         for _, piece in answers:
             for answer in piece:
                 name = answer.row.name
@@ -136,17 +140,6 @@ def _carried_out(
                 rows[name] = answer.row
                 tell()
     return [rows[names[file]] for file in shown]
-
-
-def _pieces(runs: Iterator[BatchRun], settings: BatchSettings) -> Iterator[BatchPiece]:
-    together: list[BatchRun] = []
-    for one in runs:
-        together.append(one)
-        if len(together) == TOGETHER:
-            yield BatchPiece(tuple(together), settings)
-            together = []
-    if together:
-        yield BatchPiece(tuple(together), settings)
 
 
 def _whole(folder: Path, settings: BatchSettings) -> bool:
