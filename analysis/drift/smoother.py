@@ -128,33 +128,29 @@ class Filtered:
         """Of results (T, m, m) and (T, m, c) in this order, with the `variance` (T - 1, m, K) of the steps
         between them, none where one of the `jumps` (T - 1, m) is allowed."""
         (count, size, columns), rates = vectors.shape, variance.shape[-1]
-        # Behind the last state a step that may be anything: with it the last state is eliminated, too.
-        precision = np.zeros((count + 1, size, size, rates))
-        kept = np.zeros((count + 1, size, columns, rates))
+        # The vectors stand beside the matrix: a step changes both alike. Behind the last state a step that
+        # may be anything: with it the last state is eliminated, too.
+        kept = np.zeros((count + 1, size, size + columns, rates))
+        added = np.concatenate([information, vectors], axis=2)[..., None]
         steps = np.zeros((count, size, rates))
         walks = np.logical_not(jumps)[:, :, None]
         np.divide(1.0, variance, out=steps[:-1], where=walks)
         totals, pulled = np.empty((count, size, rates)), np.empty((count, size, columns, rates))
-        outer = np.empty((size, size, rates))
+        outer = np.empty(kept.shape[1:])
         for t, step in enumerate(steps):
-            known, vector = precision[t + 1], kept[t + 1]
-            np.add(precision[t], information[t][:, :, None], out=known)
-            np.add(kept[t], vectors[t][:, :, None], out=vector)
+            known = np.add(kept[t], added[t], out=kept[t + 1])
             for j in range(size):
-                row, total = known[j], np.add(known[j, j], step[j], out=totals[t, j])
-                pulled[t, j] = vector[j]
-                share, column = step[j] / total, row / np.sqrt(total)
+                total = np.add(known[j, j], step[j], out=totals[t, j])
                 # The offset itself without the difference, of which rounding would leave nothing where the
                 # walk is slow, or allowed to jump.
-                of_offset = row * share
-                vector -= row[:, None] * (vector[j] / total)
-                vector[j] = pulled[t, j] * share
-                known -= np.multiply(column[:, None], column, out=outer)
-                known[j] = known[:, j] = of_offset
-        explained = np.einsum("tjck,tjdk->cdk", pulled / totals[:, :, None], pulled)
+                of_offset, row = known[j] * (step[j] / total), known[j] / np.sqrt(total)
+                pulled[t, j] = row[size:]
+                known -= np.multiply(row[:size, None], row, out=outer)
+                known[j], known[:, j] = of_offset, of_offset[:size]
+        explained = np.einsum("tjck,tjdk->cdk", pulled, pulled)
         log_scale = -np.log(totals).sum(axis=(0, 1))
         log_scale -= np.log(variance).sum(axis=(0, 1), where=walks)
-        return Filtered(precision[:-1], kept[:-1], explained, log_scale / 2)
+        return Filtered(kept[:-1, :, :size], kept[:-1, :, size:], explained, log_scale / 2)
 
 
 @dataclass(frozen=True, eq=False)

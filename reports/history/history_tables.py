@@ -328,7 +328,7 @@ def _digits(rate: Rate) -> int:
 
 def _models(fleet: FleetDrift) -> Table:
     columns: Columns[ModelWalk] = {
-        "model": lambda row: clipped(row.model, 20),
+        "model": lambda row: _model(fleet, row.model),
         "offset": lambda row: label(row.offset),
         "arms": lambda row: str(row.arms),
         "drift rate": lambda row: "not known" if row.median is None else rate_words(row.median, row.unit),
@@ -351,6 +351,11 @@ def _models(fleet: FleetDrift) -> Table:
     )
 
 
+def _model(fleet: FleetDrift, model: str) -> str:
+    """The column is left out where all arms are of one model, which the page names."""
+    return "" if len({one.model for one in fleet.models}) == 1 else clipped(model, 20)
+
+
 def _cause(model: ModelWalk) -> str:
     if not model.biased:
         return ""
@@ -368,12 +373,13 @@ def _fastest(fleet: FleetDrift) -> Table:
     every.sort(key=lambda row: row[2].median / row[3].noticed, reverse=True)
     columns: Columns[tuple[ArmWalks, ArmWalk, Rate, ModelWalk]] = {
         "arm": lambda row: clipped(row[0].serial, 16),
-        "model": lambda row: clipped(row[0].model, 16),
+        "model": lambda row: _model(fleet, row[0].model),
         "offset": lambda row: label(row[1].offset),
         "drift rate": lambda row: rate_words(row[2], row[1].unit),
         "95 % interval": lambda row: ends_words(row[2]),
-        "mostly by": lambda row: "its model" if row[1].borrowed else "own results",
-        "possible cause": lambda row: _cause(row[3]),
+        "mostly by": lambda row: "; ".join(
+            filter(None, ("its model" if row[1].borrowed else "own results", _cause(row[3])))
+        ),
     }
     caption = "Fastest drifts of single arms over the u of a result, with the rates of their model"
     return table_by(caption, every[:_FASTEST], columns, "lllrrl")

@@ -10,11 +10,11 @@ import pytest
 from arms_over_years import without_offset
 from histories import a_result, write_result
 
-from zerobeam.experiments.history.arm_drift import ArmDrift, arm_drift
+from zerobeam.experiments.history.arm_drift import ArmDrift, Rate, arm_drift
 from zerobeam.experiments.history.fleet_drift import FleetDrift, fleet_drift
 from zerobeam.experiments.history.stored_result import StoredResult, read_entry
 from zerobeam.model.records import to_json
-from zerobeam.reports.history.history_tables import drift_blocks, fleet_blocks
+from zerobeam.reports.history.history_tables import drift_blocks, ends_words, fleet_blocks, rate_words
 from zerobeam.reports.style.blocks import Block, Paragraph, Table
 
 
@@ -147,6 +147,15 @@ def test_an_offset_that_no_arm_determines_twice_is_not_known(one: StoredResult) 
     told = to_json(found)
     assert told["models"][0]["rate"] is None
     assert told["arms"][0]["offsets"][0]["rate"] is None
+
+
+def test_a_rate_is_said_as_exactly_as_so_many_rates_say_it() -> None:
+    ends = (0.00123, 0.0456)
+    assert rate_words(Rate(0.0123, ends, 100.0), "deg") == "0.012°"
+    assert ends_words(Rate(0.0123, ends, 100.0)) == "0.0012 to 0.046"
+    assert rate_words(Rate(0.0123, ends, 20.0), "deg") == "0.01°"
+    assert ends_words(Rate(0.0123, ends, 20.0)) == "0.001 to 0.05"
+    assert ends_words(Rate(0.0123, (0.0123, 0.0123), 1.0)) == "too few rates agree"
 
 
 def test_without_arms_there_is_nothing_to_say() -> None:
