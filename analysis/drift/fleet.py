@@ -250,8 +250,8 @@ def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
     for number in range(_ROUNDS):
         mu, tau = _model(stack.mode()[None])
         few = [k for k in range(len(clouds)) if effective(stack.weights(k, mu, tau)[:, 0]) < ENOUGH]
-        for place, k in enumerate(few):
-            clouds[k].extend(mu[0], tau[0], seed + 1000 * (number + 1) + place)
+        for turn, k in enumerate(few):
+            clouds[k].extend(mu[0], tau[0], seed + 1000 * (number + 1) + turn)
         if not few:
             break
         stack = _Stack.of(clouds, len(names))
