@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from types import GenericAlias
 from typing import Annotated, Any, Literal, get_args
 
 import sqlalchemy as sa
@@ -16,7 +17,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 
 from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import Result, parse_result
-from ...analysis.status import Verdict
+from ...analysis.covariance import OffsetsWithoutPrior
+from ...analysis.status import ParameterRow, Verdict
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import read, to_json
@@ -32,13 +34,18 @@ Damaged = Callable[[BadInput], None]
 _ANEW = ", or add its result.json anew with --replace"
 _SHORT = 12  # digits of a hash that a person is shown
 _LEVEL = 1  # of the compression: the higher ones take most of the time of adding
-_PLAIN = ("sha256", "serial", "model", "instrument", "operator", "run", "shots", "verdict", "document_sha256")
-_ROW = (*_PLAIN, "measured_at", "made_by")
-_IN_JSON = ("offsets", "without_prior", "sensitivity_mm2")
+_TEXTS = ("sha256", "serial", "model", "instrument", "operator", "run", "made_by", "document_sha256")
+_Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+_PLAIN: Any = {**dict.fromkeys(_TEXTS, str), "shots": int, "verdict": Verdict}  # columns that are as they are
+_IN_JSON: Any = {
+    "offsets": tuple[ParameterRow, ...],
+    "without_prior": OffsetsWithoutPrior | None,
+    "sensitivity_mm2": tuple[tuple[_Number, ...], ...] | None,
+}
+_PLAIN_ROW: Any = GenericAlias(tuple, tuple(_PLAIN.values()))
 _SAME = ("serial", "model", "verdict")  # of two results that are one, besides their numbers
 _DIGITS = 1e-9  # to which numbers agree: another order of the same sums gives another 15th digit
 _VERDICT: Any = Verdict
-_MATRIX: Any = tuple[tuple[Annotated[float, Field(strict=True, allow_inf_nan=False)], ...], ...] | None
 Values = dict[str, Any]  # of a row of a table, by its columns
 
 
@@ -64,7 +71,7 @@ def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -
 
 def _added(connection: sa.Connection, entry: Entry, replace: bool) -> Outcome:
     row = {
-        **{name: getattr(entry, name) for name in _ROW},
+        **{name: getattr(entry, name) for name in (*_PLAIN, "measured_at")},
         **{name: _json(getattr(entry, name)) for name in _IN_JSON},
         "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
     }
@@ -248,7 +255,7 @@ def results(
     at a time are in memory. `damaged` hears of those that cannot be read."""
     # As the database has it: where SQLAlchemy cannot read a date, no row of the query could be read.
     at = sa.type_coerce(result.c.measured_at, sa.String).label("measured_at")
-    query = sa.select(*(result.c[name] for name in (*_ROW, *_IN_JSON) if name != "measured_at"), at)
+    query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), at)
     query = query.order_by(result.c.measured_at, result.c.sha256)
     with history.reading() as connection:
         every = [of] if of is not None else []
@@ -269,12 +276,10 @@ def results(
 
 def _stored(row: Values) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    sensitivity, made_by = row.pop("sensitivity_mm2"), row.pop("made_by")
-    for name in ("offsets", "without_prior"):
-        row[name] = row[name] and parsed(row[name])
-    row["measured_at"] = _moment_of(row["measured_at"]).isoformat()
-    stored = read(StoredResult, {**row, "zerobeam": made_by})
-    return dataclasses.replace(stored, sensitivity_mm2=sensitivity and read(_MATRIX, sensitivity))
+    plain: Any = read(_PLAIN_ROW, [row[name] for name in _PLAIN])
+    in_json: Any = {name: read(kind, row[name]) for name, kind in _IN_JSON.items()}
+    at = _moment_of(row["measured_at"])
+    return StoredResult(**dict(zip(_PLAIN, plain, strict=True)), **in_json, measured_at=at)
 
 
 def _moment_of(value: Any) -> datetime:
