@@ -172,7 +172,10 @@ def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
     # δ2 and δ3 at three shots, δ4 at three and four; beside the legend's own.
     lines = drawn_of("shots")["lines"]
     assert words(lines.svg).count(NOT_DETERMINED) == 3 + 1
-    assert "J4 (δ4) predicted u 0.036 at 5, 0.0098 at 30, not determined at 3, 4" in lines.alt
+    assert (
+        "J4 (δ4) predicted u 0.036 at 5, 0.025 at 7, 0.015 at 14, 0.0098 at 30, not determined at 3, 4"
+        in lines.alt
+    )
     # Where all is determined there is no gap: in one of four panels alone, of which none has a number.
     assert words(drawn_of("pattern_shots")["lines"].svg).count(NOT_DETERMINED) == 1 + 1
     of_words = drawn_of("patterns")["lines"]
