@@ -222,7 +222,7 @@ async def _content(request: Request) -> Any:
         require_plain(content)
         return content
     except BadInput as error:
-        raise BadInput(error.what, found=error.found, allowed=error.allowed, remedy=error.remedy) from None
+        raise error.restated(file=None, line=None) from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise BadInput(f"what was sent is no JSON: {error}", allowed="JSON in UTF-8") from None
 

@@ -327,10 +327,7 @@ def _checked(folder: Folder, file: str, header: Content) -> tuple[Header, Header
         try:
             robot = load_robot(read.robot, path.parent)
         except BadInput as error:
-            at = line(("robot",))
-            raise BadInput(
-                error.what, found=error.found, allowed=error.allowed, remedy=error.remedy, line=at
-            ) from error
+            raise error.restated(file=None, line=line(("robot",))) from error
         check_header(read, robot, file=None, line=line)
         return read, robot
 
