@@ -2,7 +2,7 @@
 
 CasADi's virtual machine evaluates it at first. Once that has taken as long as compiling, the function's
 C code is compiled where a C compiler is at hand, and cached under the hash of its source, the flags and
-the compiler; what is cached serves at once. The numbers are the same, the virtual machine is about ten
+the compiler; what is cached serves at once. The numbers are the same to rounding, the virtual machine is about ten
 times slower.
 """
 
@@ -39,7 +39,7 @@ _stuck: set[str] = set()  # compilers that did not end: nobody waits for them tw
 
 
 class KernelWarning(UserWarning):
-    """Kernels are not compiled, or not kept: it takes longer, the numbers are the same."""
+    """Kernels are not compiled, or not kept: it takes longer, the numbers are the same to rounding."""
 
 
 def ran(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
