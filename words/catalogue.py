@@ -73,6 +73,7 @@ from .observability import (
     stating,
 )
 from .outlook_words import BetterPostures, better_postures, plan_command
+from .provenance import left_out
 from .wording import are, capital, clipped, listed, person
 
 
@@ -96,7 +97,8 @@ def against(findings: Iterable[object]) -> FindingRow | None:
 
 _MOST_NAMED = 2  # causes between which the measurements do not decide
 _ESTIMATE_LINKS = (
-    "Remove geometry: exact from the header, so that the links are estimated, and analyse again."
+    "Remove geometry: exact from the header (of a run its first line), so that the links are estimated, and"
+    " analyse again."
 )
 
 
@@ -548,6 +550,13 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         _export,
         _export_command,
         found=if_(lambda case: taken_by(case.vendor) != "offsets"),
+    ),
+    FindingEntry(
+        "measurements that were left out",
+        "note",
+        lambda text, case: f"Left out by a person: {text}",
+        about="measurements",
+        found=lambda case: left_out(case.provenance),
     ),
     FindingEntry(
         "a requirement that may not be met",  # the verdict says it

@@ -18,7 +18,7 @@ from ..analysis.observability.check import Check
 from ..analysis.solution import Solution
 from ..analysis.status import Verdict, known
 from ..model.files.header import Header
-from ..model.files.run import in_no_file
+from ..model.files.run import LEFT_OUT, in_no_file
 from ..model.instruments.flange_tool import FlangeTool
 from . import numbers
 from .basis_words import basis_lines
@@ -136,7 +136,7 @@ def _saved_first(case: RunCase, action: Action) -> Action:
     """The same, where a command needs a file and the run is in none."""
     if action.command is None or not case.run or not in_no_file(case.run):
         return action
-    by_command = f"--save {case.argument}, or " if "without measurements" in case.provenance else ""
+    by_command = f"--save {case.argument}, or " if LEFT_OUT in case.provenance else ""
     save = f'Save the run first: {by_command}solution.run.write("{case.argument}").'
     return Action(f"{action.text} {save}", action.command)
 

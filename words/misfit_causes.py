@@ -214,11 +214,10 @@ def mend(explanation: Explanation) -> str:
                 f"Remove the measurements at {listed(targets)}, or record them again with the target fixed."
             )
         case "measurements":
-            one = len(explanation.measurements) == 1
-            again, correct = ("it", "a typing error in it") if one else ("them", "typing errors in them")
+            again = "it" if len(explanation.measurements) == 1 else "them"
             return (
-                f"Analyse without {_called(explanation)} (--drop), correct {correct} and import again, or"
-                f" measure {again} again.{_readings(explanation.readings)}"
+                f"Analyse without {_called(explanation)} (--drop), correct {again} by the original record and"
+                f" import again, or measure {again} again.{_readings(explanation.readings)}"
             )
         case "repeats":
             return (
@@ -253,7 +252,10 @@ def mend(explanation: Explanation) -> str:
         case "noise":
             return f"State noise as measured (repeat one posture), or noise.scale: estimated, {_AGAIN}."
         case "geometry" if explanation.amount <= 1:
-            return f"Remove geometry: exact from the header, so that the links are estimated, {_AGAIN}."
+            return (
+                "Remove geometry: exact from the header (of a run its first line), so that the links are"
+                f" estimated, {_AGAIN}."
+            )
         case "geometry":
             return f"State the larger geometry.tolerance in the header if this arm is that far off, {_AGAIN}."
         case "gravity":

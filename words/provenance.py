@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
+from ..model.files.run import LEFT_OUT, MADE_OF
 from ..model.instruments.kind import Instrument
-from .wording import shown
+from .wording import clipped, shown
 
 SERIAL, DATE, OPERATOR = "Robot, serial number", "Date of the measurements", "Calibrated by"
 MEASURED = (
@@ -61,6 +62,14 @@ def provenance_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) ->
 def first_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
     """The same by the first of the `keys` alone that is there."""
     return next((shown(str(provenance[key])) for key in keys if key in provenance), "")
+
+
+def left_out(provenance: Mapping[str, object]) -> Iterator[str]:
+    """Which measurements a person left out of a run, and of which run."""
+    numbers, of = provenance.get(LEFT_OUT), provenance.get(MADE_OF)
+    if isinstance(numbers, str) and isinstance(of, str):
+        noun = "measurements" if "," in numbers else "measurement"
+        yield f"{noun} {clipped(numbers, 60)} of {clipped(of.partition(' (SHA')[0], 60)}"
 
 
 def traced(kinds: Iterable[type[Instrument]]) -> list[tuple[str, tuple[str, ...]]]:

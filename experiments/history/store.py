@@ -180,7 +180,7 @@ def refuse(error: BadInput) -> None:
 def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
     """All arms by serial number, with the verdict of the last result of each; `damaged` as of `results`."""
     of: Any = {"partition_by": (result.c.serial, result.c.model)}
-    order = (result.c.measured_at.desc(), result.c.sha256)
+    order = (result.c.measured_at.desc(), result.c.sha256.desc())
     at = (result.c.measured_at, sa.func.min(result.c.measured_at).over(**of))
     last = sa.select(
         *(result.c[name] for name in ("serial", "model", "sha256", "verdict")),

@@ -233,13 +233,18 @@ def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None) -> list[
     taught = [point for point in points if not point.left_out]
     if names is None:
         if not taught:
-            notes = "; ".join(_left_out(points)) or None
-            raise BadInput("no measurements found: the file has no points", found=notes)
+            notes = "; ".join(text.removeprefix("  note: ") for text in _left_out(points)) or None
+            raise BadInput(
+                "no measurements found: the file has no points with joints of its own",
+                found=notes,
+                remedy="name the files that declare the points, such as data lists, and no others",
+            )
         return taught
     by_name = {point.name: point for point in (*reversed(points), *reversed(taught))}
     for name in names:
         if name not in by_name:
-            raise unknown_name("there is no point of this name", name, [point.name for point in points])
+            named = [point.name for point in points if not point.name.startswith("line ")]
+            raise unknown_name("there is no point of this name", name, named)
     return [by_name[name] for name in dict.fromkeys(names)]
 
 

@@ -60,6 +60,7 @@ from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
 UNKNOWNS = 3  # of a target
+LEFT_OUT, MADE_OF = "without measurements", "made of"  # in the provenance of such a run
 REFIT = " (refit)"  # what the name of a run that was made of another one ends with
 
 
@@ -243,8 +244,8 @@ class Run(Measurements):
     def without(self, drop: Iterable[int]) -> Self:
         """The run without the measurements of these numbers, in no file; its provenance says which."""
         gone = set(drop)
-        left_out = {"without measurements": ", ".join(map(str, sorted(gone)))}
-        about = {**self.header.provenance, **left_out, "made of": f"{self.path.name} (SHA-256 {self.sha256})"}
+        left_out = {LEFT_OUT: ", ".join(map(str, sorted(gone)))}
+        about = {**self.header.provenance, **left_out, MADE_OF: f"{self.path.name} (SHA-256 {self.sha256})"}
         header = self.header.model_copy(update={"provenance": about})
         kept = [i for i, shot in enumerate(self.shots) if shot.shot not in gone]
         name = f"{self.path.stem.removesuffix(REFIT)}{REFIT}{self.path.suffix}"

@@ -2,8 +2,8 @@
 
 CasADi's virtual machine evaluates it at first. Once that has taken as long as compiling, the function's
 C code is compiled where a C compiler is at hand, and cached under the hash of its source, the flags and
-the compiler; what is cached serves at once. The numbers are the same to rounding, the virtual machine is about ten
-times slower.
+the compiler; what is cached serves at once. The numbers are the same to rounding, the virtual machine is
+about ten times slower.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
 from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import factors_sentence, tolerances_words
 from ...words.numbers import unit_of
-from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
+from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR, left_out
 from ...words.region_words import region_words
 from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
 from ..acceptance.acceptance_page import read_acceptance
@@ -106,7 +106,7 @@ def why_history_differs(history: Database, certificate: CertifiedResult) -> str 
     if stored is None:
         return "the history has no result of this run and arm"
     if stored.document_sha256 != certificate.document_sha256:
-        return "the history has another result of this run: it was replaced or altered since"
+        return "the history has another document of this run: it was solved again, replaced or altered"
     try:
         whole_answer(history, stored)
     except BadInput as error:
@@ -425,6 +425,7 @@ def _origin(certificate: Certificate) -> list[tuple[str, str]]:
         ("Measured at", certificate.measured_at.replace(tzinfo=UTC).isoformat()),
         ("Instrument", shown(certificate.instrument or "not stated")),
         ("Run", f"{shown(certificate.run)}, {certificate.shots} measurements"),
+        *(("Left out", text) for text in left_out(certificate.result.inputs.provenance)),
         ("SHA-256 of the run", certificate.sha256),
         ("SHA-256 of the whole result", certificate.document_sha256),
         ("zerobeam", f"{shown(certificate.made_by)} (result), {certificate.written_by} (certificate)"),

@@ -55,6 +55,7 @@ def test_a_run_without_it_is_saved_and_what_is_printed_then_works_where_one_stan
     answer = zerobeam("analyse", "../run.jsonl", "--drop", "4", "--ess", "100", "--save", "../right.jsonl")
     assert answer.status == 0, answer.err
     assert len(read_run(folder / "right.jsonl").shots) == 8
+    assert "Left out by a person: measurement 4 of run.jsonl" in text_of(answer)
     (command,) = re.findall(r"zerobeam (export rapid \S+ -o \S+)", text_of(answer))
     assert zerobeam(*command.split()).status == 0
     assert os.path.exists("offsets.mod")

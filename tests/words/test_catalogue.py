@@ -200,6 +200,9 @@ OF_RUNS: dict[type | str, Callable[[], Result]] = {
     "no robot was measured": lambda: elsewhere("abb", provenance=READ_BACK | {"origin": "simulated"}),
     "no factory calibration": lambda: elsewhere("universal-robots", robot="ur5e"),
     "a controller that takes no offsets": lambda: elsewhere("doosan"),
+    "measurements that were left out": lambda: elsewhere(
+        "abb", provenance=READ_BACK | {"without measurements": "4", "made of": "run.jsonl (SHA-256 1a)"}
+    ),
     "a requirement that may not be met": lambda: passed(conformity=FAILS),
     "the error to expect": lambda: passed(conformity=MEETS),
     "conditions of a pass": passed,

@@ -9,6 +9,7 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.joint_columns import JointColumns
 from ....model.files.text_tables import DELIMITERS, TextTable, read_table
+from ....model.files.workbook import is_workbook
 from ..import_jobs import FileMeasurements, Imported, ImportJob, Keys
 from .dwells import JointLog, Mark, held
 from .layouts import NO_DWELLS, CsvLayout, Stillness
@@ -43,7 +44,8 @@ def import_csv(job: ImportJob, layout: CsvLayout, still: Stillness = NO_DWELLS) 
             joints_of=robot if joints.alone else None,
         )
         values = joints.read(table)
-        notes = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if layout.delimiter is None else []
+        found = layout.delimiter is None and not is_workbook(path)
+        notes = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if found else []
         names = None if layout.target_column is None else table.texts(table.column(layout.target_column))
         spots = None if layout.spot_columns is None else table.columns(layout.spot_columns)
         times = None

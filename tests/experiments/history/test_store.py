@@ -124,6 +124,13 @@ def test_the_results_of_an_arm_are_in_the_order_of_time(history: Database, tmp_p
     assert (first.first, first.last) == tuple(own.measured_at for own in list(results(history))[0:3:2])
 
 
+def test_the_last_result_is_the_last_of_the_order_of_time(history: Database, tmp_path: Path) -> None:
+    for k in range(6):  # at one time, by the hash of the run
+        add(history, [entry(tmp_path, a_result("A", "2026-05-01", operator=f"person {k}"))])
+        (arm,) = arms(history)
+        assert arm.sha256 == list(results(history))[-1].sha256
+
+
 def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path) -> None:
     answer = a_result(demo="x-pattern")
     add(history, [entry(tmp_path, answer)])

@@ -106,7 +106,7 @@ def test_control_another_meaning_of_the_word_is_not_seen(code):
 def test_every_file_beside_the_registry_is_a_kind():
     own = {path.stem for path in (HOUSE / "model" / "instruments").glob("*.py")}
     shared = {"kind", "flange_tool", "frames", "together", "proposal", "registry", "rotations", "tips"}
-    assert own - shared - {"__init__"} == set(KINDS)
+    assert own - shared - {"__init__"} == set(KINDS) - {"laser", "probe"}  # both are in flange_tool
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=str)

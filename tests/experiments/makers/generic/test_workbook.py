@@ -70,6 +70,12 @@ def test_errors_name_the_row_of_the_sheet(saved, header, tmp_path, refused):
     assert error.line == 2
 
 
+def test_no_delimiter_is_told_of_a_workbook(saved, header, tmp_path):
+    layout = CsvLayout("deg")
+    understood = import_csv([saved(Sheet=ROWS)], ["psd"], layout, header, tmp_path / "run.jsonl").understood
+    assert not any("delimiter found" in line for line in understood)
+
+
 def test_the_app_sees_its_columns(saved):
     found = contents_of(saved(Sheet=[[*NAMES, "remark"], *([*row, "as found"] for row in ROWS)]))
     assert (found.form, found.rows, found.whole) == ("csv", 3, True)
