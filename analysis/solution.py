@@ -48,7 +48,8 @@ from .observability.power import DetectionPower, powers
 from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
 from .recordings.steps import RecordingSteps, resting_columns, steps
-from .status import ParameterRow, Status, Verdict, has_numbers, verdict_of, with_misfit
+from .row import ParameterRow
+from .status import Status, Verdict, has_numbers, verdict_of, with_misfit
 
 if TYPE_CHECKING:
     import pandas as pd

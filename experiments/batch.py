@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
-from ..analysis.status import ParameterRow, Verdict, known, versions
+from ..analysis.row import ParameterRow
+from ..analysis.status import Verdict, known, versions
 from ..model.errors import BadInput, UnsoundResult
 from ..model.files.run import Run
 from ..model.kinematics.robot import Robot

@@ -13,8 +13,8 @@ import scipy
 from ...model.arrays import Matrix
 from ...model.records import internal, it, record, worded
 from ..estimation.fit import LikelihoodFit, fit_likelihood
+from ..row import ParameterRow
 from ..solution import ParameterResult, Solution
-from ..status import ParameterRow
 from .influence import Loss, fit_robust, outlying
 
 OUTLYING = 1e-3  # p-value, over all measurements together, of an outlying residual

@@ -14,7 +14,8 @@ from pydantic import Field
 from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ...model.records import internal, it, record, worded
-from ..status import Status, StatusRow
+from ..row import StatusRow
+from ..status import Status
 
 MOST = 0.5  # of a variance that tolerances set: they are its reason
 

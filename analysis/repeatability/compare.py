@@ -15,7 +15,8 @@ from ...model.errors import UnsoundResult
 from ...model.files.run import Run
 from ...model.records import inline, internal, it, key, record, worded
 from ..left_over import holm
-from ..status import StatusRow, versions
+from ..row import StatusRow
+from ..status import versions
 from .consistency import (
     LEVEL,
     AgainstOthers,

@@ -13,7 +13,7 @@ from ...analysis.drift.drift import Drift, Jump, OffsetChange, Undecided, drift
 from ...analysis.drift.forecast import HORIZON_YEARS, due_after
 from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
-from ...analysis.status import ParameterRow
+from ...analysis.row import ParameterRow
 from ...model.records import inline, internal, it, key, or_null, record
 from .stored_result import Event, Moment, StoredResult
 

@@ -14,8 +14,9 @@ from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.diagnostics.values_to_enter import TcpError
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.posterior.posterior import Intervals
+from ...analysis.row import ParameterRow
 from ...analysis.solution import ParameterResult
-from ...analysis.status import ParameterRow, known, versions
+from ...analysis.status import known, versions
 from ...analysis.tcp_region import TcpRegion
 from ...model.errors import BadInput
 from ...model.records import if_any, inline, internal, it, key, only, record, to_json

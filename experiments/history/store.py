@@ -18,7 +18,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import Result, parse_result
 from ...analysis.covariance import OffsetsWithoutPrior
-from ...analysis.status import ParameterRow, Verdict
+from ...analysis.row import ParameterRow
+from ...analysis.status import Verdict
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import read, to_json

@@ -23,7 +23,8 @@ from ...analysis.answer.answer_message import Grade, May
 from ...analysis.answer.result import Result, parse_result
 from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.diagnostics.accuracy import Grid
-from ...analysis.status import ParameterRow, Verdict, has_numbers
+from ...analysis.row import ParameterRow
+from ...analysis.status import Verdict, has_numbers
 from ...model.errors import BadInput, UnsoundResult
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
 from ...model.records import if_any, internal, it, or_null, record

@@ -17,7 +17,8 @@ from scipy import optimize, stats
 from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
-from ...analysis.status import Status, StatusRow
+from ...analysis.row import StatusRow
+from ...analysis.status import Status
 from ...model.arrays import Matrix
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem

@@ -34,12 +34,12 @@ def table_text(path: Path, most: int = LARGEST) -> str:
 
 
 def is_workbook(path: Path) -> bool:
-    """Whether a file is an .xlsx, whatever its name; BadInput as `require_regular`."""
-    require_regular(path)
+    """Whether a file is an .xlsx, whatever its name. What is no file is none: to read it says why."""
     try:
+        require_regular(path)
         with zipfile.ZipFile(path) as archive:
             return _CONTENT in archive.namelist()
-    except _FAULTS:
+    except (BadInput, *_FAULTS):
         return False
 
 

@@ -156,6 +156,7 @@ SENT: dict[str, dict[str, Any]] = {
     "POST /api/inverse file": AT | {"robot": "irb1600", "file": "NAME"},
     "POST /api/meshes robot": {"robot": "URDF"},
     "POST /api/refit run": {"run": "NAME"},
+    "POST /api/runs run": {"run": "NAME", "without": [0]},
     "POST /api/brush posterior": {"posterior": "NAME", "run": "run.jsonl", "ranges": {}},
     "POST /api/brush run": {"posterior": "posterior.nc", "run": "NAME", "ranges": {}},
 }

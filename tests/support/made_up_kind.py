@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from zerobeam.analysis.status import ParameterRow
+from zerobeam.analysis.row import ParameterRow
 from zerobeam.model.records import it, key, record
 from zerobeam.reports.output.whole_folder import FolderContents, Kind, Written, write_answer
 from zerobeam.reports.style.blocks import Cell, Page, Verdict, row_of, section_of, table_of

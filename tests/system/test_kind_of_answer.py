@@ -17,7 +17,7 @@ from pages import Page
 from rich.console import Console
 from study_text import text_of
 
-from zerobeam.analysis.status import ParameterRow
+from zerobeam.analysis.row import ParameterRow
 from zerobeam.experiments import schema
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.records import dumps, read

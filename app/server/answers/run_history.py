@@ -8,7 +8,8 @@ from typing import Annotated, ClassVar
 
 from ....analysis.answer.answer_message import Grade
 from ....analysis.answer.result import Result
-from ....analysis.status import StatusRow, Verdict
+from ....analysis.row import StatusRow
+from ....analysis.status import Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
 from ....model.records import if_any, it, record

@@ -44,8 +44,8 @@ def import_csv(job: ImportJob, layout: CsvLayout, still: Stillness = NO_DWELLS) 
             joints_of=robot if joints.alone else None,
         )
         values = joints.read(table)
-        found = layout.delimiter is None and not is_workbook(path)
-        notes = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if found else []
+        sought = layout.delimiter is None and not is_workbook(path)
+        notes = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if sought else []
         names = None if layout.target_column is None else table.texts(table.column(layout.target_column))
         spots = None if layout.spot_columns is None else table.columns(layout.spot_columns)
         times = None

@@ -19,7 +19,8 @@ import numpy as np
 from pydantic import Field
 
 from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS
-from ....analysis.status import Status, StatusRow, Verdict
+from ....analysis.row import StatusRow
+from ....analysis.status import Status, Verdict
 from ....model.arrays import Matrix, normal_half_width
 from ....model.errors import UnsoundResult
 from ....model.likelihood.parameters import Group

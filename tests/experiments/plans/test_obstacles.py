@@ -28,6 +28,11 @@ def sampled_distance(a, b, c, d, count=200):
     return np.linalg.norm(first[:, None] - second[None], axis=2).min()
 
 
+def _points(judge: Clearance, joints):
+    """(N, n + 3, 3): the skeleton and the TCP."""
+    return judge._standing(joints)[:, 1:]
+
+
 def test_distances_of_segments_equal_sampled_ones():
     rng = np.random.default_rng(0)
     a, b, c, d = rng.uniform(-1, 1, (4, 60, 3))
@@ -85,7 +90,7 @@ def test_the_links_are_as_thick_as_stated_and_the_arm_at_zero_hits_nothing():
 
 def forearm_to_column(judge, degrees):
     """mm; with a straight wrist the tool goes on where the forearm ends."""
-    points = judge._points(np.radians([degrees]))[0]
+    points = _points(judge, np.radians([degrees]))[0]
     return sampled_distance(points[1], points[2], points[4], points[8], count=150)
 
 
@@ -111,7 +116,7 @@ def test_hits_equal_sampled_distances_of_the_links():
     rng = np.random.default_rng(2)
     robot = irb1600()
     joints = rng.uniform(robot.lower, robot.upper, (300, 6))
-    points = judge._points(joints)
+    points = _points(judge, joints)
     names = {"column": (1, 2), "upper arm": (2, 3), "forearm": (4, 5), "tool": (7, 8)}
     pairs = [("column", "forearm"), ("column", "tool"), ("upper arm", "tool")]
     hits = judge.hits_itself(joints)
@@ -158,19 +163,19 @@ def test_the_floor_is_hit_by_what_moves():
     judge = clearance()
     # The arm laid forward and bent down: the wrist is below the floor.
     low = np.radians([[0, 100, 0, 0, 0, 0]])
-    assert judge._points(low)[0][:, 2].min() < 0
+    assert _points(judge, low)[0][:, 2].min() < 0
     assert judge.hits_cell(low)[0]
     assert not clearance(Obstacles(floor_mm=None)).hits_cell(low)[0]
     assert not clearance(Obstacles(floor_mm=-5000)).hits_cell(low)[0]
     # Nearer to it than the arm is thick: the height counts, not only the sign.
-    height = judge._points(np.zeros((1, 6)))[0][2:, 2].min()
+    height = _points(judge, np.zeros((1, 6)))[0][2:, 2].min()
     assert not clearance(Obstacles(floor_mm=height - judge._radius - 1)).hits_cell(np.zeros((1, 6)))[0]
     assert clearance(Obstacles(floor_mm=height - judge._radius + 1)).hits_cell(np.zeros((1, 6)))[0]
 
 
 def test_a_box_in_the_arms_way():
     judge = clearance()
-    elbow = judge._points(np.zeros((1, 6)))[0][3]
+    elbow = _points(judge, np.zeros((1, 6)))[0][3]
     inside = Box(name="pillar", min_mm=tuple(elbow - 20), max_mm=tuple(elbow + 20))
     beside = Box(name="pillar", min_mm=(-20, 300, 0), max_mm=(20, 400, 2000))
     assert clearance(Obstacles(boxes=[inside])).hits_cell(np.zeros((1, 6)))[0]
@@ -242,7 +247,7 @@ def test_the_upper_arm_of_an_arm_without_a_column_is_no_column():
     """Axes 1 and 2 of a TX2-60 meet at the base frame's origin: its first link is the upper arm."""
     judge = clearance(robot=load_robot("tx2_60"))
     down = np.radians([[0.0, 127, 0, 0, 0, 0]])  # the upper arm hangs down, along its own base
-    reached = judge._points(down)[0][3, 2]
+    reached = _points(judge, down)[0][3, 2]
     assert reached < -150
     box = Box(name="box", min_mm=(150, -50, -300), max_mm=(300, 50, -150))
     assert clearance(Obstacles(floor_mm=None, boxes=[box]), robot=load_robot("tx2_60")).hits_boxes(down)[0]
@@ -255,7 +260,7 @@ def test_an_arm_hits_its_own_base_below_the_base_frame():
     rows = np.zeros((400, 6))
     grid = np.stack(np.meshgrid(np.linspace(90, 145, 20), np.linspace(-70, 205, 20)), axis=-1).reshape(-1, 2)
     rows[:, 1:3] = np.radians(grid)
-    skeleton = judge._points(rows)
+    skeleton = _points(judge, rows)
     foot, top = np.array([0.0, 0.0, -330.0]), np.zeros(3)
     near = np.array([sampled_distance(foot, top, p[4], p[5], count=80) for p in skeleton])
     assert (near < judge._radius).any()

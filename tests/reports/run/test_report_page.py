@@ -27,7 +27,7 @@ from zerobeam.analysis.answer.findings import HeldOutMisfit
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.posterior.posterior import Intervals
-from zerobeam.analysis.status import ParameterRow
+from zerobeam.analysis.row import ParameterRow
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Section, Table
