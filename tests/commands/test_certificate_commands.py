@@ -127,7 +127,7 @@ def test_another_key_is_found_and_another_history(plant: Path) -> None:
     assert zerobeam(*verify).status == 0, "the certificate is as it was signed"
     told = zerobeam(*verify, "--db", "history.sqlite")
     assert told.status == 1
-    assert "certificate.json, history: NOT VALID: the history has another result of this run" in told.out
+    assert "certificate.json, history: NOT VALID: the history has another document of this run" in told.out
     # What nobody has signed is not held against the history.
     (plant / "signed" / "certificate.json").write_text("{}")
     told = zerobeam(*verify, "--db", "history.sqlite")
