@@ -86,7 +86,8 @@ def _day(when: datetime) -> float:
 
 def _dates(begin: datetime, end: datetime) -> Scale:
     """The axis of time, with few ticks."""
-    locator: Any = AutoDateLocator(minticks=2, maxticks=4)  # type: ignore[no-untyped-call]
+    # Fewer than five at most, and there is a span that no interval of the locator divides into so few.
+    locator: Any = AutoDateLocator(minticks=2, maxticks=5)  # type: ignore[no-untyped-call]
     words: Any = ConciseDateFormatter(locator, show_offset=False)  # type: ignore[no-untyped-call]
     ends = _day(begin), _day(end)
     ticks = [float(tick) for tick in locator.tick_values(begin, end) if ends[0] <= tick <= ends[1]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import warnings
 from dataclasses import replace
 from datetime import datetime, time, timedelta
 from functools import cache
@@ -19,7 +20,7 @@ from pages import Page, assert_fetches_nothing
 from zerobeam.experiments.history.arm_history import ArmHistory
 from zerobeam.reports.history.arm_page import arm_page, headline
 from zerobeam.reports.history.history_folder import arm_document, safe_name, write_arm, write_fleet
-from zerobeam.reports.history.trend_figure import offset_panel, trend_pictures
+from zerobeam.reports.history.trend_figure import _dates, offset_panel, trend_pictures
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
 from zerobeam.reports.style.canvas import Picture
@@ -329,3 +330,12 @@ def test_the_pages_fit_every_screen_and_everybody_can_read_them(tmp_path: Path, 
             assert tab.overflow() == 0
             assert tab.accessibility() == []
             assert tab.console == []
+
+
+def test_dates_have_ticks_whatever_the_span() -> None:
+    begin = datetime(2024, 2, 29, 13)
+    for hours in (1, 5, 30, 47, *range(48, 24 * 1200, 97), 24 * 4000, 24 * 30000):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a locator that finds no interval
+            scale = _dates(begin, begin + timedelta(hours=hours))
+        assert 1 <= len(scale.ticks) == len(scale.names) <= 5, hours
