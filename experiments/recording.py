@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -25,21 +25,24 @@ from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.wording import listed
 from .acceptance_files import offsets_to_enter
 from .plans.constraints import require_constraints, violations
+from .procedure.beam_ports import BeamPorts
 from .procedure.events import Ended, Listener, RunOpened
 from .procedure.order import Adaptive, InTurn, OnceMore, Order, WithRepeats
-from .procedure.session import Procedure, ProcedureResult, recorded_event, state_of
+from .procedure.ports import Ports
+from .procedure.session import Session, SessionResult
 from .rigs.abb.access import Caution, ControllerAccess
 from .rigs.abb.driver import AbbRig
 from .rigs.live.at_rest import JointsAtRest
+from .rigs.manual.hand_ports import HandPorts
 from .rigs.manual.line_sources import Lines
-from .rigs.manual.manual_session import Manual
 from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import CellFile, read_cell
+from .rigs.simulated.rehearsal import Rehearsal
 from .rigs.simulated.simulator import SimulatedRig
 from .run_options import RunOptions
 from .sensors.controller_sensors import Sensors
 from .sensors.text_lines import InstrumentLines
-from .simulate import Truth, simulated_shots
+from .simulate import Truth
 
 
 @dataclass(frozen=True)
@@ -141,11 +144,18 @@ class RunRequest(RunOptions):
         return plan.header.tolerance.offset_deg if self.tolerance is None else self.tolerance
 
 
-_STATES = 5  # times at most, in a rehearsal of other instruments, what is known so far
-
 Provenance = dict[str, str | int | float]
-# The provenance of the run, what measures into the journal, and who decides the order of an adaptive run.
-_Way = tuple[Provenance, Callable[[RunJournal], ProcedureResult], Adaptive | None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """How a plan is carried out: the ports, the order, and `about`, what the run's provenance says of them.
+    `adaptive` is the order within it that says why an adaptive run ended."""
+
+    about: Provenance
+    ports: Ports
+    order: Order
+    adaptive: Adaptive | None = None
 
 
 def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
@@ -163,14 +173,15 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
     if request.kind == "abb" or request.kind in _LED:
         require_constraints(plan)
     led = _by_rig if plan.header.only_beam else _rehearsed_by_hand
-    way = _by_hand if request.kind in _LED else led
-    about, measure, adaptive = way(plan, request, listener)
-    header = _header(plan, file, about)
+    made = _by_hand if request.kind in _LED else led
+    way = made(plan, request, listener)
+    header = _header(plan, file, way.about)
     with _journal(plan, file, header, request) as journal:
         listener(_begin(plan, journal, request))
-        result = measure(journal)
+        result = Session(way.ports, journal, way.order).carry_out()
         torn = journal.torn
-    answer = _answer(plan, file, header, result, torn, None if adaptive is None else adaptive.reason)
+    why = None if way.adaptive is None else way.adaptive.reason
+    answer = _answer(plan, file, header, result, torn, why)
     listener(answer)
     return answer
 
@@ -183,13 +194,8 @@ def _by_rig(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
             file=plan.path,
         )
     rig, about = _rig(plan, request)
-    provenance = {**rig.provenance(), **about}
-    order, adaptive = _order(plan, request)
-
-    def measure(journal: RunJournal) -> ProcedureResult:
-        return Procedure(plan, rig, journal, order, listener, request.scene).carry_out()
-
-    return provenance, measure, adaptive
+    ports = BeamPorts(plan, rig, listener, scene=request.scene)
+    return _Way({**rig.provenance(), **about}, ports, *_order(plan, request))
 
 
 def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
@@ -208,24 +214,11 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
     pendant.per_degree(answers.units)
     units = answers.units or pendant.unit
-    order, adaptive = _order(plan, request)
-
-    def measure(journal: RunJournal) -> ProcedureResult:
-        return Manual(
-            plan,
-            journal,
-            order,
-            listener,
-            lines,
-            pendant,
-            units,
-            request.scene,
-            answers.arm,
-            answers.instrument,
-        ).carry_out()
-
-    origin = "by hand" if answers.arm is None else "joints read from the controller"
-    return {"origin": origin, "plan sha256": plan.sha256, **answers.about}, measure, adaptive
+    arm = answers.arm
+    ports = HandPorts(plan, listener, lines, pendant, units, request.scene, arm, answers.instrument)
+    origin = "by hand" if arm is None else "joints read from the controller"
+    about: Provenance = {"origin": origin, "plan sha256": plan.sha256, **answers.about}
+    return _Way(about, ports, *_order(plan, request))
 
 
 def _require_one_reading(plan: Plan) -> None:
@@ -276,22 +269,6 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
     # As found the targets are where they were in a run with this seed.
     drawn = Truth.drawn(plan, np.random.default_rng(request.seed) if request.as_found else rng)
     truth = drawn if arm is None else drawn.knowing(arm.values)
-
-    def measure(journal: RunJournal) -> ProcedureResult:
-        done = {shot.shot for shot in journal.shots}
-        # What each measurement adds is told of a tool; a fit of many other readings takes too long for that.
-        often = 1 if plan.header.only_tools else -(-len(plan.postures) // _STATES)
-        state = None
-        for shot in simulated_shots(truth, rng):
-            if shot.shot not in done:
-                journal.append(shot)
-                count, state = len(journal.shots), None
-                if count % often == 0 or count == len(plan.postures):
-                    state = state_of(plan.header, truth.problem, journal.shots)
-                listener(recorded_event(shot, plan.called[shot.shot], count, state))
-        state = state or state_of(plan.header, truth.problem, journal.shots)
-        return ProcedureResult(journal.shots, (), state, {})
-
     provenance: Provenance = {
         "origin": SIMULATED,
         "seed": request.seed,
@@ -299,7 +276,8 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
         "plan sha256": plan.sha256,
         **({} if arm is None else arm.provenance()),
     }
-    return provenance, measure, None
+    rehearsal = Rehearsal(truth, rng, listener)
+    return _Way(provenance, rehearsal, rehearsal)
 
 
 def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
@@ -408,7 +386,7 @@ def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> RunOpened:
 
 
 def _answer(
-    plan: Plan, file: Path, header: Header, result: ProcedureResult, torn: str | None, why: str | None
+    plan: Plan, file: Path, header: Header, result: SessionResult, torn: str | None, why: str | None
 ) -> Ended:
     state = result.state
     if state is None:

@@ -25,8 +25,9 @@ from ...model.files.shot import Shot
 from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ...words.wording import label, listed
+from ..procedure.beam_ports import PHASES, BeamPorts
 from ..procedure.order import Adaptive, InTurn
-from ..procedure.session import PHASES, Procedure, state_of
+from ..procedure.session import Session, state_of
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, CellFile
 from ..rigs.simulated.simulator import SimulatedRig
 from .answer import (
@@ -187,6 +188,9 @@ class MemoryJournal:
     def append(self, shot: Shot) -> None:
         self._shots.append(shot)
 
+    def withdraw(self, number: int) -> None:
+        self._shots = [shot for shot in self._shots if shot.shot != number]
+
 
 def seeds_of(seed: int, count: int) -> tuple[int, ...]:
     """One for each run; the first of many are those of fewer."""
@@ -205,9 +209,9 @@ def carried(run: tuple[Repeated, int]) -> CellRun:
     try:
         rig = SimulatedRig(plan, repeated.cell, seed)
         truth = rig.truth.values()
-        procedure = Procedure(plan, rig, journal, order, lambda event: None)
-        seconds = procedure.seconds
-        session = procedure.carry_out()
+        ports = BeamPorts(plan, rig, lambda event: None)
+        seconds = ports.seconds
+        session = Session(ports, journal, order).carry_out()
         refused, state = len(session.refused), session.state
         if state is None:
             failure = "; ".join(dict.fromkeys(refusal.found for refusal in session.refused))

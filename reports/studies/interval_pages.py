@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
-from ...experiments.procedure.session import PHASES
+from ...experiments.procedure.beam_ports import PHASES
 from ...experiments.studies.answer import JudgedPart, Share
 from ...experiments.studies.cell import CellPlan, CellStudy
 from ...experiments.studies.coverage import CoveragePlan, CoverageStudy, RankedParameter

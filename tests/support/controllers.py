@@ -13,7 +13,7 @@ from abb_controller import irc5
 from abb_controller.service import SimulatedController
 from cells import good_plan
 
-from zerobeam.experiments.procedure import session
+from zerobeam.experiments.procedure import beam_ports
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
@@ -53,7 +53,7 @@ def quick(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(abb_rws, "_SPACING_S", 0.0)
     patch.setattr(abb_egm, "_ACCELERATION", 500.0)
     patch.setattr(abb_egm, "_STILL_S", 0.03)
-    patch.setattr(session, "_SETTLE_S", 0.0)
+    patch.setattr(beam_ports, "_SETTLE_S", 0.0)
 
 
 class Watched:

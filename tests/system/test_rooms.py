@@ -128,7 +128,7 @@ BANNED_NAMES = {
     *("aside", "asked", "begun", "chance", "found", "given", "miss", "miss_mm", "miss_size", "odd", "own"),
     *("place", "said", "seen", "stated", "told", "walk", "wanted"),
 }
-# Arguments that programs of others pass by name: `BadInput(found=…)`, `Procedure(told=…)`.
+# Arguments that programs of others pass by name: `BadInput(found=…)`, `BeamPorts(told=…)`.
 ALLOWED_ARGUMENTS = {"found", "told"}
 UNTYPED = 30  # `dict[str, Any]`: where a foreign format ends
 

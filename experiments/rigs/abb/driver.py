@@ -24,7 +24,7 @@ from ...sensors.camera import Image
 from ...sensors.controller_sensors import Sensors
 from .access import Caution, ControllerAccess, require_six_axes
 from .egm_client import Guidance
-from .rws_client import Session
+from .rws_client import RwsSession
 
 T = TypeVar("T")
 
@@ -67,7 +67,7 @@ class AbbRig:
         self.psds, self.camera = sensors.psds, sensors.camera
         speeds = np.array([joint.speed or _TOP_SPEED for joint in plan.robot.joints])
         self._speed = np.minimum(np.degrees(speeds) * caution.share, _GUIDED_SPEED)
-        self._session = Session(access)
+        self._session = RwsSession(access)
         self._guidance: Guidance | None = None
         self._target = plan.called[0]
         self._done = 0.0  # commands that had ended when guidance began

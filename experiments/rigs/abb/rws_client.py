@@ -46,7 +46,7 @@ def require_extra() -> None:
         raise missing_extra("the ABB rig", "abb")
 
 
-class Session:
+class RwsSession:
     """Requests to one controller by the library's `RWS`; every way in which one fails is a RigFault.
 
     It is not safe for threads: the rig asks from one only.

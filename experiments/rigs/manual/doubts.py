@@ -19,7 +19,7 @@ from ....model.files.shot import Shot
 from ....model.kinematics.pendant import Pendant, nearest_limit
 from ....model.kinematics.plausible import ONE_TURN
 from ....model.likelihood.problem import Problem
-from ...procedure.session import near_nominal
+from ...procedure.beam_ports import near_nominal
 from ..replay import SAME_POSTURE
 
 _STDS = 3.0

@@ -16,7 +16,7 @@ from ....model.likelihood.problem import Problem
 from ....model.parsing.reading import shown
 from ...procedure.events import EnteredReading
 
-Reading = Mapping[str, float | tuple[float, ...]]  # as a measurement records it, by column
+Entered = Mapping[str, float | tuple[float, ...]]  # as a measurement records it, by column
 
 _DELIMITERS = re.compile(r"[\s,;|]+")
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
@@ -53,7 +53,7 @@ class InstrumentReadings:
         """(1,) the shot of the plan's problem that a measurement belongs to."""
         return np.array([self.rows[number % len(self.rows)]])
 
-    def typed(self, number: int, text: str) -> Reading:
+    def typed(self, number: int, text: str) -> Entered:
         """All numbers of a measurement, in the order of `reads`; BadInput for anything else."""
         reads = self.reads(number)
         count = sum(read.numbers for read in reads)
@@ -74,7 +74,7 @@ class InstrumentReadings:
             values[read.key] = row if read.numbers > 1 else row[0]
         return values
 
-    def of_metres(self, reading: Reading) -> Reading:
+    def of_metres(self, reading: Entered) -> Entered:
         """The reading whose lengths were typed in metres."""
         scaled: dict[str, float | tuple[float, ...]] = {}
         for key, value in reading.items():
@@ -82,7 +82,7 @@ class InstrumentReadings:
             scaled[key] = tuple(v * by for v in value) if isinstance(value, tuple) else value * by
         return scaled
 
-    def doubt(self, number: int, joints: Matrix, reading: Reading) -> str | None:
+    def doubt(self, number: int, joints: Matrix, reading: Entered) -> str | None:
         """Whether the lengths look like metres where the arm is at `joints` (n,) deg or mm, as a sentence.
 
         By the size of a reading alone: where the instrument stands may not be known.
@@ -98,7 +98,7 @@ class InstrumentReadings:
                 return f"{size:.4g} mm where about {expected:.0f} mm is expected: this looks like metres"
         return None
 
-    def _predicted(self, number: int, joints: Matrix) -> Reading:
+    def _predicted(self, number: int, joints: Matrix) -> Entered:
         """By the nominal arm, and the instrument about where it is stated."""
         row = self._problem.select(self.row(number)).moved(joints[None] / self._problem.robot.display)
         read = row.at_predicted(row.nominal())

@@ -11,8 +11,9 @@ from cells import TABLE_2, good_plan, pattern_plan, plan_of, simulated
 from command_line import plan_file
 from scipy import stats
 
+from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.order import Adaptive, InTurn, Order
-from zerobeam.experiments.procedure.session import Procedure, ProcedureResult, state_of
+from zerobeam.experiments.procedure.session import Session, SessionResult, state_of
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput
@@ -29,10 +30,10 @@ def pool(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return read_plan(plan_file(folder / "plan.yaml", good_plan(POOL)))
 
 
-def carried(plan: Plan, order: Order, file: Path, seed: int = 3, **cell: Any) -> ProcedureResult:
+def carried(plan: Plan, order: Order, file: Path, seed: int = 3, **cell: Any) -> SessionResult:
     rig = SimulatedRig(plan, CellFile.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
-        return Procedure(plan, rig, journal, order, lambda event: None).carry_out()
+        return Session(BeamPorts(plan, rig, lambda event: None), journal, order).carry_out()
 
 
 @pytest.mark.long

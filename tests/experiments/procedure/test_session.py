@@ -19,6 +19,13 @@ from scipy import stats
 from servo_shots import WatchedRig
 
 from zerobeam.analysis.solution import solve
+from zerobeam.experiments.procedure.beam_ports import (
+    ATTEMPTS,
+    PHASES,
+    BeamPorts,
+    arm_sent,
+    picture_taken,
+)
 from zerobeam.experiments.procedure.events import (
     ArmSent,
     MeasurementRecorded,
@@ -27,14 +34,7 @@ from zerobeam.experiments.procedure.events import (
     SpotSeen,
 )
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import (
-    ATTEMPTS,
-    PHASES,
-    Procedure,
-    ProcedureResult,
-    arm_sent,
-    picture_taken,
-)
+from zerobeam.experiments.procedure.session import Session, SessionResult
 from zerobeam.experiments.procedure.steering import Belief
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
@@ -63,12 +63,11 @@ def carried(
     told: Callable[[Event], None] = lambda event: None,
     rig: SimulatedRig | None = None,
     **cell: Any,
-) -> ProcedureResult:
+) -> SessionResult:
     rig = rig or SimulatedRig(plan, CellFile.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
-        return Procedure(
-            plan, rig, journal, InTurn(len(plan.postures)), lambda event: told(as_json(event))
-        ).carry_out()
+        ports = BeamPorts(plan, rig, lambda event: told(as_json(event)))
+        return Session(ports, journal, InTurn(len(plan.postures))).carry_out()
 
 
 def events_of(kind: str, events: list[Event]) -> list[int]:
@@ -333,9 +332,8 @@ def test_who_watches_changes_nothing() -> None:
     for scene in (False, True):
         events: list[RunEvent] = []
         journal = MemoryJournal()
-        Procedure(
-            plan, SimulatedRig(plan, CellFile(), 3), journal, InTurn(2), events.append, scene
-        ).carry_out()
+        ports = BeamPorts(plan, SimulatedRig(plan, CellFile(), 3), events.append, scene=scene)
+        Session(ports, journal, InTurn(2)).carry_out()
         shots.append(journal.shots)
         told.append(events)
     assert shots[0] == shots[1]

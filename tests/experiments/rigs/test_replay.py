@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from cells import AXIS_LASER, OPEN_LASER, PROBE, good_plan, header, plan_of, run_of, simulated
 
+from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.rig import Rig
-from zerobeam.experiments.procedure.session import Procedure
+from zerobeam.experiments.procedure.session import Session
 from zerobeam.experiments.rigs.replay import ReplayRig
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
@@ -27,7 +28,7 @@ DIGITS = 2e-6  # mm: six digits are recorded, rounded twice
 
 def carried_out(plan: Plan, rig: Rig, file: Path) -> Run:
     with RunJournal(file, plan.header) as journal:
-        Procedure(plan, rig, journal, InTurn(len(plan.postures)), lambda event: None).carry_out()
+        Session(BeamPorts(plan, rig, lambda event: None), journal, InTurn(len(plan.postures))).carry_out()
     return read_run(file)
 
 

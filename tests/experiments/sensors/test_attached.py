@@ -11,12 +11,12 @@ import pytest
 from beside import RATE, calibrated, psd, sensors
 from cells import good_plan
 
-from zerobeam.experiments.procedure import session
+from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.readings import read_dark, read_spot
 from zerobeam.experiments.procedure.rig import RefusalReason
 from zerobeam.experiments.procedure.search import LIT
-from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
+from zerobeam.experiments.procedure.session import Session, SessionResult
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
@@ -46,8 +46,9 @@ def cell_rig(plan: Plan, **cell: Any) -> SimulatedRig:
     return SimulatedRig(plan, CellFile.model_validate(stated), SEED)
 
 
-def carried(plan: Plan, rig: SimulatedRig) -> ProcedureResult:
-    return Procedure(plan, rig, MemoryJournal(), InTurn(len(plan.postures)), lambda event: None).carry_out()
+def carried(plan: Plan, rig: SimulatedRig) -> SessionResult:
+    ports = BeamPorts(plan, rig, lambda event: None)
+    return Session(ports, MemoryJournal(), InTurn(len(plan.postures))).carry_out()
 
 
 def through_counts(
@@ -56,7 +57,7 @@ def through_counts(
     faults: LineFaults = SOUND,
     spoilt: Callable[[Matrix], Matrix] = lambda counts: counts,
     **cell: Any,
-) -> ProcedureResult:
+) -> SessionResult:
     """The same, with the currents as counts over a pseudo-terminal, by a sensors file."""
     rig = cell_rig(plan, **cell)
     seen = rig.currents
@@ -128,7 +129,7 @@ def cut_off(counts: Matrix) -> Matrix:
 def test_what_the_counts_cannot_tell_is_a_refused_shot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any], reason: RefusalReason
 ) -> None:
-    monkeypatch.setattr(session, "ATTEMPTS", 1)
+    monkeypatch.setattr(BeamPorts, "attempts", 1)
     if "faults" in changed:
         monkeypatch.setattr(amplifier, "_GRACE_S", 0.02)
     done = through_counts(tmp_path, good_plan(1), **changed)

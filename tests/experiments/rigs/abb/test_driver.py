@@ -42,7 +42,7 @@ from zerobeam.experiments.rigs.abb.access import (
 )
 from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
 from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
-from zerobeam.experiments.rigs.abb.rws_client import Session
+from zerobeam.experiments.rigs.abb.rws_client import RwsSession
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
@@ -440,7 +440,7 @@ def answering(status: int, name: str, value: str) -> Iterator[Session]:
 
     with HTTPServer(("127.0.0.1", 0), Answer) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
-        yield Session(ControllerAccess("127.0.0.1", server.server_port, NAME, Secret(WORD)))
+        yield RwsSession(ControllerAccess("127.0.0.1", server.server_port, NAME, Secret(WORD)))
 
 
 def test_a_redirection_is_not_followed(heard: list[tuple[str, Any]]) -> None:
@@ -451,7 +451,7 @@ def test_a_redirection_is_not_followed(heard: list[tuple[str, Any]]) -> None:
 
 
 def test_other_addresses_have_no_way_out(heard: list[tuple[str, Any]]) -> None:
-    session = Session(ControllerAccess("127.0.0.1", 9, NAME, Secret(WORD)))
+    session = RwsSession(ControllerAccess("127.0.0.1", 9, NAME, Secret(WORD)))
     with pytest.raises(RigFault, match="InvalidSchema"):
         session.ask("looking", lambda rws: rws._session.get("http://127.0.0.2:9/"))
     with pytest.raises(RigFault, match="cannot be reached"):
@@ -547,7 +547,7 @@ def test_a_wrong_caution_is_bad_input(stated: dict[str, Any], found: str) -> Non
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "abb_robot_client", None)
     with pytest.raises(BadInput, match=r'pip install "zerobeam\[abb\]"'):
-        Session(ControllerAccess("127.0.0.1", 80, NAME, Secret(WORD)))
+        RwsSession(ControllerAccess("127.0.0.1", 80, NAME, Secret(WORD)))
 
 
 def test_a_target_without_a_psd_is_bad_input(controller: SimulatedController, plan: Plan) -> None:

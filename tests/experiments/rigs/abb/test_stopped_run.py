@@ -20,9 +20,10 @@ from child import ZEROBEAM, child
 from command_line import plan_file
 from controllers import UNLIMITED, Client, Watched, quick, unhurried
 
+from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.events import RunEvent, SpotSeen
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Procedure
+from zerobeam.experiments.procedure.session import Session
 from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
@@ -99,10 +100,10 @@ def test_the_arm_stops_on_its_way(
     unhurried(monkeypatch)
     began, goals, main = there.irc5.joints_deg(), begun_after(monkeypatch), threading.main_thread().ident
     assert main is not None
-    procedure = Procedure(plan, rig_of(there, plan), MemoryJournal(), InTurn(2), lambda event: None)
+    session = Session(BeamPorts(plan, rig_of(there, plan), lambda event: None), MemoryJournal(), InTurn(2))
     once(there, lambda: while_(there, began), lambda: signal.pthread_kill(main, signal.SIGINT))
     with stoppable(), pytest.raises(KeyboardInterrupt):
-        procedure.carry_out()
+        session.carry_out()
     at_rest(there)
     assert goals == []
     if while_ is on_a_far_move:
@@ -124,7 +125,7 @@ def test_a_request_that_is_lost_is_heard_before_the_next_step(
                 lost()
 
     with without_reminders(), stoppable(), pytest.raises(KeyboardInterrupt):
-        Procedure(plan, rig_of(there, plan), MemoryJournal(), InTurn(2), told).carry_out()
+        Session(BeamPorts(plan, rig_of(there, plan), told), MemoryJournal(), InTurn(2)).carry_out()
     at_rest(there)
     assert (goals, len(steps)) == ([], 2)
 

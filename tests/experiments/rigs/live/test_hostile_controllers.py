@@ -249,7 +249,7 @@ def test_http_of_a_controller_ends(
     monkeypatch.setattr(rws_client, "_BUSY_S", ())
     with http(first, then, pause) as server, bounded_memory():
         access = ControllerAccess("127.0.0.1", server.port, "user", Secret("secret"))
-        session = rws_client.Session(access)
+        session = rws_client.RwsSession(access)
         with pytest.raises(RigFault, match="joints"):
             session.ask("joints", lambda rws: rws.get_jointtarget())
         session._rws._session.close()

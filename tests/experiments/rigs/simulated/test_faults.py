@@ -21,9 +21,10 @@ from command_line import plan_file
 from run_events import as_json
 
 from zerobeam.analysis.observability.changes import displacement
+from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
+from zerobeam.experiments.procedure.session import Session, SessionResult
 from zerobeam.experiments.rigs.simulated.cell_file import (
     FAULT_KINDS,
     CellFile,
@@ -120,12 +121,12 @@ CASES = [
 
 
 @dataclass
-class Session:
+class Seen:
     """What was seen of one run: `off_mm` by shot is how far from the true target the true beam was when it
     was recorded, `joints_off` (rad) how far the recorded joints were from the controller's counts."""
 
     file: Path
-    carried: ProcedureResult | None = None
+    carried: SessionResult | None = None
     events: list[dict[str, Any]] = field(default_factory=list)
     off_mm: dict[int, float] = field(default_factory=dict)
     joints_off: float = 0.0
@@ -134,10 +135,10 @@ class Session:
         return [told for told in self.events if told["event"] == event]
 
 
-def session(plan: Plan, cell: CellFile, file: Path, *, resumed: bool = False) -> Session:
+def session(plan: Plan, cell: CellFile, file: Path, *, resumed: bool = False) -> Seen:
     """Carry the plan out, watched from where the truth is known."""
     rig = SimulatedRig(plan, cell, SEED, resumed=resumed)
-    seen = Session(file)
+    seen = Seen(file)
 
     def told(happened: RunEvent) -> None:
         event = as_json(happened)
@@ -155,7 +156,8 @@ def session(plan: Plan, cell: CellFile, file: Path, *, resumed: bool = False) ->
     open_journal = RunJournal.resumed if resumed else RunJournal
     with open_journal(file, plan.header) as journal:
         try:
-            seen.carried = Procedure(plan, rig, journal, InTurn(len(plan.postures)), told).carry_out()
+            ports = BeamPorts(plan, rig, told)
+            seen.carried = Session(ports, journal, InTurn(len(plan.postures))).carry_out()
         except RigFault:
             assert seen.of("stopped")
     return seen
@@ -164,7 +166,8 @@ def session(plan: Plan, cell: CellFile, file: Path, *, resumed: bool = False) ->
 KILLED = """
 import sys
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Procedure
+from zerobeam.experiments.procedure.beam_ports import BeamPorts
+from zerobeam.experiments.procedure.session import Session
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.files.journal import RunJournal
@@ -173,11 +176,11 @@ from zerobeam.model.files.plan import read_plan
 plan, cell, seed = read_plan(sys.argv[1]), read_cell(sys.argv[2]), int(sys.argv[4])
 with RunJournal(sys.argv[3], plan.header) as journal:
     rig = SimulatedRig(plan, cell, seed)
-    Procedure(plan, rig, journal, InTurn(len(plan.postures)), lambda event: None).carry_out()
+    Session(BeamPorts(plan, rig, lambda event: None), journal, InTurn(len(plan.postures))).carry_out()
 """
 
 
-def killed(plan: Plan, cell: dict[str, Any], folder: Path) -> Session:
+def killed(plan: Plan, cell: dict[str, Any], folder: Path) -> Seen:
     """The same in a process of its own, which does not live to its end."""
     written, cell_file, file = folder / "plan.yaml", folder / "cell.yaml", folder / "run.jsonl"
     plan_file(written, plan)
@@ -185,10 +188,10 @@ def killed(plan: Plan, cell: dict[str, Any], folder: Path) -> Session:
     command = [sys.executable, "-c", KILLED, *map(str, (written, cell_file, file, SEED))]
     child = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert child.returncode == -signal.SIGKILL, child.stderr
-    return Session(file)
+    return Seen(file)
 
 
-Sessions = Callable[[str], list[Session]]
+Sessions = Callable[[str], list[Seen]]
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +200,7 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Sessions:
     since several processes share the cases."""
 
     @functools.cache
-    def of(what: str) -> list[Session]:
+    def of(what: str) -> list[Seen]:
         case = next(case for case in CASES if case.what == what)
         folder, plan, cell = tmp_path_factory.mktemp("fault"), case.plan, case.cell
         file = folder / "run.jsonl"

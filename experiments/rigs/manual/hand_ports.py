@@ -1,47 +1,35 @@
-"""A run by hand: each posture is asked for, what is answered is judged, recorded, and its effect shown.
+"""The ports of a run by hand: a posture is asked for, and what is answered is judged before it is confirmed.
 
-As with other rigs a run follows from the journal alone: a run that is resumed asks for what is not recorded.
+The joints are typed, or read from a controller where an empty line (or the PSD) confirms them; what an
+instrument reads is typed, or sent.
 """
 
 from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ....analysis.diagnostics.outliers import single_outlier
-from ....analysis.solution import Solution
-from ....interruption import obey
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
-from ....model.files.journal import RunJournal
-from ....model.files.plan import Means, Plan
-from ....model.files.shot import Shot, shot_model
+from ....model.files.plan import Plan
+from ....model.files.shot import Shot
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
 from ...makers.joint_text import joints_so_far, labelled, typed_joints
-from ...procedure.events import (
-    Doubted,
-    GivenUp,
-    Listener,
-    PostureRequested,
-    ReadingRequested,
-    Suspected,
-    Withdrawn,
-)
-from ...procedure.order import Order
-from ...procedure.rig import RefusalReason, RefusedPosture
-from ...procedure.session import ProcedureResult, arm_sent, recorded_event, state_of
+from ...procedure.beam_ports import arm_sent
+from ...procedure.events import Doubted, Listener, PostureRequested, ReadingRequested
+from ...procedure.ports import Paused, Reading, Skipped, TakenBack
 from ...procedure.steering import Belief
 from ...sensors.text_lines import InstrumentLines, ReadingRefused
 from ..live.at_rest import JointsAtRest
 from ..live.joint_client import JointsRefused
 from .doubts import Doubt, Judge
-from .instrument_readings import InstrumentReadings, Reading
+from .instrument_readings import Entered, InstrumentReadings
 from .line_sources import Lines
 
 HELP = (
@@ -66,27 +54,13 @@ class _Held:
     doubt: Doubt
 
 
-class _Paused(Exception):
-    """No more lines come, or the person wants to go on later."""
-
-
-class _Decided(Exception):
-    """The posture under way is over without a measurement."""
-
-
-class _Skipped(_Decided):
-    """A measurement of the posture under way is given up."""
-
-
 @dataclass(eq=False)
-class Manual:
-    """One session. `lines` says what the person or robot writes, `pendant` and `units` what its numbers
-    are. With `arm` the joints are read from its controller where an empty line confirms them; with
-    `instrument` its readings are not typed."""
+class HandPorts:
+    """`lines` says what the person or robot writes, `pendant` and `units` what its numbers are. With `arm`
+    the joints are read from its controller where an empty line confirms them; with `instrument` its readings
+    are not typed."""
 
     plan: Plan
-    journal: RunJournal
-    order: Order
     listener: Listener
     lines: Lines
     pendant: Pendant
@@ -94,118 +68,59 @@ class Manual:
     scene: bool = False  # whether to tell where the arm is to be
     arm: JointsAtRest | None = None
     instrument: InstrumentLines | None = None
-    _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
-    _again: int | None = field(default=None, init=False)
+    seconds: dict[str, float] = field(default_factory=dict, init=False)
     _comment: str | None = field(default=None, init=False)
+    _since: float | None = field(default=None, init=False)
+
+    attempts, repeats, every = 0, True, 1  # a person says when it is enough
 
     def __post_init__(self) -> None:
-        self._problem = Problem.from_plan(self.plan)
+        self.problem = Problem.from_plan(self.plan)
         self._judge = Judge(self.plan, self.pendant)
-        self._readings = InstrumentReadings(self.plan, self._problem)
+        self._readings = InstrumentReadings(self.plan, self.problem)
         kinds, measurements = self.plan.header.kinds, self.plan.measurements
         # What is led to its target comes first: it moves the arm.
         turn = sorted(range(len(measurements)), key=lambda i: not kinds[measurements[i].instrument].met)
         self._at_posture = [
             tuple(i for i in turn if measurements[i].posture == one.posture) for one in measurements
         ]
-        shots = self.journal.shots
-        self._since = time.monotonic() - (shots[-1].time_s or 0.0 if shots else 0.0)
 
-    def carry_out(self) -> ProcedureResult:
-        """Ask for postures until the order is through or no more lines come."""
-        state = state_of(self.plan.header, self._problem, self.journal.shots)
-        while (number := self._following(state)) is not None:
-            try:
-                shots = self._measured(number)
-            except _Decided:
-                state = state_of(self.plan.header, self._problem, self.journal.shots)
-                continue
-            except _Paused:
-                missing = self._pending(state)
-                return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, {}, missing)
-            obey()
-            for shot in shots:
-                self.journal.append(shot)
-            self._again = None
-            state = state_of(self.plan.header, self._problem, self.journal.shots)
-            assert state is not None
-            for shot in shots:
-                called = self.plan.called[shot.shot % len(self.plan.postures)]
-                self.listener(recorded_event(shot, called, len(self.journal.shots), state))
-            outlier = single_outlier(state.fit, state.dof) if state.converged else None
-            if outlier is not None:
-                self.listener(Suspected(outlier.shot, outlier.p_value, outlier.residual_mm))
-        return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, {})
-
-    def _following(self, state: Solution | None) -> int | None:
-        if self._again is not None:
-            return self._again
-        return self.order.following(self.journal.shots, self._refused, state)
-
-    def _pending(self, state: Solution | None) -> tuple[int, ...]:
-        """The measurements that would still be asked for, none of them recorded."""
-        pending: list[int] = []
-        shots, refused = self.journal.shots, self._refused
-        while (number := self.order.following(shots, {*refused, *pending}, state)) is not None:
-            pending.append(number)
-        return tuple(sorted(pending))
-
-    def _together(self, number: int) -> tuple[int, ...]:
-        """The measurements of the posture of `number`, in the order in which they are taken; a closing one is
-        alone."""
+    def together(self, number: int) -> tuple[int, ...]:
+        """A closing measurement is alone."""
         return self._at_posture[number] if number < len(self._at_posture) else (number,)
 
-    def _measured(self, number: int) -> list[Shot]:
-        """What is typed for the posture of measurement `number`, or for another that is named: all that is
-        measured there."""
-        recorded = {shot.shot for shot in self.journal.shots}
-        together = self._together(number)
-        others = [other for other in together if other in recorded]
-        if others:
-            self._give_up([number], f"its posture is recorded without it: redo {others[0]} repeats both")
-            raise _Decided
-        number = together[0]
-        while True:
-            number, joints, texts = self._posture(number)
-            shots = []
-            for each in self._together(number):
-                try:
-                    shots.append(self._completed(each, joints, texts))
-                except _Skipped:
-                    continue
-            if not shots:
-                raise _Decided
-            if not self._moved(number, joints):
-                return shots
+    def begin(self, number: int, recorded: Sequence[Shot], refused: Collection[int]) -> None:
+        if self._since is None:
+            self._since = time.monotonic() - (recorded[-1].time_s or 0.0 if recorded else 0.0)
+        self._recorded, self._refused = recorded, refused
 
-    def _posture(self, number: int) -> tuple[int, Matrix, list[str]]:
-        """The measurement whose joints (n,) are typed, `number` or another that is named, and the readings
-        that are typed with them."""
+    def move_to(self, number: int, attempt: int) -> None:
         self._ask(number)
+
+    def confirm(self, number: int) -> int:
+        """Until joint values come of which nobody has a doubt, or which are confirmed all the same."""
         held: _Held | None = None
         parts = ""
-        read: list[str] = []
+        self._texts: list[str] = []
         while True:
-            line = self.lines.following()
-            if line is None:
-                raise _Paused
-            text = line.strip()
+            text = self._line()
             if self._reads_any(number) and "|" in text:
-                text, *read = (part.strip() for part in text.split("|"))
+                text, *self._texts = (part.strip() for part in text.split("|"))
             word, _, rest = text.partition(" ")
             word, rest = word.lower(), rest.strip()
             joints: Matrix | None = None
             if word in _ANSWERS and held is not None:
                 if word == "yes":
                     if self._may_overrule(held.doubt):
-                        return number, held.joints, read
+                        self._joints = held.joints
+                        return number
                     self._say(number, "refused", held.doubt.sentence)
                     continue
                 number = self._named(rest, number) if word == "as" else number
                 joints = self._degrees(held.joints) if word == "rad" else held.joints
             elif word in (*_ANSWERS, *_WORDS):
                 parts = ""
-                self._command(word, rest, self._together(number))
+                self._command(word, rest, self.together(number)[0])
             elif self.arm is not None:
                 joints = self._taken(number, self.arm, text)
             elif text:
@@ -222,31 +137,46 @@ class Manual:
                 continue
             number, doubt = self._judged(number, joints)
             if doubt is None:
-                return number, joints, read
+                self._joints = joints
+                return number
             held = _Held(joints, doubt) if self.lines.confirms else None
 
-    def _reads_any(self, number: int) -> bool:
-        return any(self._readings.reads(each) for each in self._together(number))
+    def joints(self) -> Matrix:
+        return self._joints
 
-    def _moved(self, number: int, joints: Matrix) -> bool:
-        """Whether the arm has moved since its joints (n,) were read, which is said. Of joints that were typed
-        nobody knows it."""
+    def reading(self, number: int) -> Reading:
+        """With the comment, if there is one."""
+        entered = self._entered(number) if self._readings.reads(number) else {}
+        comment, self._comment = self._comment, None
+        return {**entered, "comment": comment}
+
+    def moved(self, number: int) -> bool:
+        """Of joints that were typed nobody knows it."""
         if self.arm is None or not self._reads_any(number):
             return False
         try:
-            if not self.arm.moved_from(joints):
+            if not self.arm.moved_from(self._joints):
                 return False
             raise JointsRefused("moving", "the arm has moved since its joints were read")
         except JointsRefused as refused:
             self._say(number, refused.kind, refused.why)
             return True
 
-    def _completed(self, number: int, joints: Matrix, texts: list[str]) -> Shot:
-        """The measurement with what the instrument reads at `joints` (n,): the first of `texts`, which is
-        taken off, or what it sends, or what is typed then."""
-        if not self._readings.reads(number):
-            return self._shot(number, joints, {})
-        return self._shot(number, joints, self._reading(number, joints, texts))
+    def now(self) -> float:
+        assert self._since is not None
+        return round(time.monotonic() - self._since, 3)
+
+    def stop(self) -> None:
+        pass  # who moves the arm stops it
+
+    def _line(self) -> str:
+        line = self.lines.following()
+        if line is None:
+            raise Paused
+        return line.strip()
+
+    def _reads_any(self, number: int) -> bool:
+        return any(self._readings.reads(each) for each in self.together(number))
 
     def _sent(self, number: int) -> str:
         """What the instrument sends; empty where it sends nothing that can be used, which is said."""
@@ -258,25 +188,23 @@ class Manual:
             self._say(number, "instrument", str(refused))
             return ""
 
-    def _reading(self, number: int, joints: Matrix, texts: list[str]) -> Reading:
-        """The readings of an instrument: the first of `texts`; a person may type what it does not send."""
-        reads = self._readings.reads(number)
-        held: Reading | None = None
-        text = texts.pop(0) if texts else ""
+    def _entered(self, number: int) -> Entered:
+        """The readings of an instrument: the first that were typed with the joints; a person may type what it
+        does not send."""
+        held: Entered | None = None
+        text = self._texts.pop(0) if self._texts else ""
         while True:
             text = text or self._sent(number)
             if not text:
+                reads = self._readings.reads(number)
                 self.listener(ReadingRequested(number, reads, *self._names(number)))
-                line = self.lines.following()
-                if line is None:
-                    raise _Paused
-                text = line.strip()
+                text = self._line()
             word, _, rest = text.partition(" ")
             word, reading, text = word.lower(), text, ""
             if held is not None and word in ("yes", _METRES):
                 return held if word == "yes" else self._readings.of_metres(held)
             if word in (*_ANSWERS, _METRES, *_WORDS):
-                self._command(word, rest.strip(), (number,))
+                self._command(word, rest.strip(), number)
                 continue
             if self.instrument is not None and not reading:
                 continue  # it is read again
@@ -285,7 +213,7 @@ class Manual:
             except BadInput as error:
                 self._say(number, "unreadable", f"{error.what}: {error.found}")
                 continue
-            sentence = self._readings.doubt(number, joints, typed)
+            sentence = self._readings.doubt(number, self._joints, typed)
             if sentence is None:
                 return typed
             held = typed if self.lines.confirms else None
@@ -334,10 +262,10 @@ class Manual:
 
         Who reads no questions, as a program does, is followed where it goes: to the posture that it is in.
         """
-        doubt = self._judge.doubt(number, joints, self.journal.shots)
+        doubt = self._judge.doubt(number, joints, self._recorded)
         near = None if doubt is None else self._judge.near(joints, self._left())
         if doubt is not None and doubt.kind == "far" and near is not None and self.lines.follows:
-            number, doubt = near, self._judge.doubt(near, joints, self.journal.shots)
+            number, doubt = near, self._judge.doubt(near, joints, self._recorded)
         if doubt is not None:
             answers = ["yes"] if self._may_overrule(doubt) else []
             answers += ["rad"] if doubt.kind == "radians" else []
@@ -354,12 +282,12 @@ class Manual:
 
     def _left(self) -> set[int]:
         """The postures of which nothing is recorded, by the measurement that comes first there."""
-        recorded = {shot.shot for shot in self.journal.shots}
+        recorded = {shot.shot for shot in self._recorded}
         return {some[0] for some in self._at_posture if recorded.isdisjoint(some)}
 
     def _first(self, number: int) -> int | None:
         """The measurement that comes first at the posture of `number`, if that posture is left."""
-        first = self._together(number)[0]
+        first = self.together(number)[0]
         return first if first in self._left() else None
 
     def _named(self, text: str, number: int) -> int:
@@ -369,14 +297,12 @@ class Manual:
         self._say(number, "unreadable", f"no posture {text or '(its number is missing)'} is left")
         return number
 
-    def _command(self, word: str, rest: str, numbers: Sequence[int]) -> None:
-        """Carry out a word about the measurements that are asked for."""
-        number = numbers[0]
+    def _command(self, word: str, rest: str, number: int) -> None:
+        """Carry out a word about the measurement that is asked for."""
         if word in ("pause", "quit"):
-            raise _Paused
+            raise Paused
         if word == "skip":
-            self._give_up(numbers, rest or "by the operator")
-            raise _Skipped
+            raise Skipped(number, rest or "by the operator")
         if word == "redo":
             self._redo(rest, number)
         elif word == "comment":
@@ -388,27 +314,14 @@ class Manual:
         else:
             self._say(number, "help", HELP)
 
-    def _give_up(self, numbers: Sequence[int], why: str) -> None:
-        self._again = None
-        for number in numbers:
-            refused = RefusedPosture(number, RefusalReason.SKIPPED, why)
-            self._refused[number] = refused
-            self.listener(GivenUp(number, refused.reason, refused.found))
-
     def _redo(self, text: str, number: int) -> None:
-        shots = {shot.shot for shot in self.journal.shots}
-        last = self.journal.shots[-1].shot if shots else None
-        repeated = int(text) if text.isdecimal() else last if not text else None
+        shots = [shot.shot for shot in self._recorded]
+        last = shots[-1] if shots and not text else None
+        repeated = int(text) if text.isdecimal() else last
         if repeated is None or repeated not in shots:
             self._say(number, "unreadable", f"there is no measurement {f'{text} ' if text else ''}to repeat")
             return
-        for each in self._together(repeated):
-            self._refused.pop(each, None)
-            if each in shots:
-                self.journal.withdraw(each)
-                self.listener(Withdrawn(each))
-        self._again = repeated
-        raise _Decided
+        raise TakenBack(repeated)
 
     def _names(self, number: int) -> tuple[str | None, str | None]:
         """Instrument and reflector of a measurement, where the plan has several."""
@@ -426,7 +339,7 @@ class Manual:
             PostureRequested(
                 shot=number,
                 target=self.plan.called[posture],
-                done=len(self.journal.shots) + len(self._refused),
+                done=len(self._recorded) + len(self._refused),
                 postures=len(self.plan.postures),
                 joints_deg=tuple(round(float(value), 6) for value in self.pendant.counted(joints)),
                 pendant=tuple(self.pendant.readings(joints)),
@@ -434,29 +347,14 @@ class Manual:
                 reflector=reflector,
                 instrument=instrument,
                 act=kind.words.act,
-                also=self._together(number)[1:],
+                also=self.together(number)[1:],
                 again=self.plan.repeated_by(number),
             )
         )
         if self.scene:
-            belief = Belief(self._problem.select(self._readings.row(number)), self._problem.nominal())
+            belief = Belief(self.problem.select(self._readings.row(number)), self.problem.nominal())
             self.listener(arm_sent(belief, number, self.plan.postures[posture], lit=False))
 
     def _degrees(self, joints: Matrix) -> Matrix:
         """Values that were taken for degrees and are radians."""
         return self.pendant.between_links(self.pendant.counted(joints) * self.plan.robot.display)
-
-    def _shot(self, number: int, joints: Matrix, readings: Reading) -> Shot:
-        comment, self._comment = self._comment, None
-        posture = number % len(self.plan.postures)
-        content = {
-            "shot": number,
-            "target": self.plan.targets[posture],
-            "joints_deg": tuple(round(float(value), 9) for value in joints),
-            "time_s": round(time.monotonic() - self._since, 3),
-            "comment": comment,
-            **Means.of(self.plan.shots[posture])._asdict(),
-            "again": self.plan.repeated_by(number),
-            **readings,
-        }
-        return shot_model(self.plan.header).model_validate(content)
