@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from ....model.errors import RigFault, missing_extra
-from ..bounded import BoundedSocket
+from ..transport import BoundedSocket
 from .access import ControllerAccess
 
 T = TypeVar("T")

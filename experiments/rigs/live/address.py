@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from urllib.parse import parse_qsl, urlsplit
@@ -13,7 +13,12 @@ from ....model.kinematics.pendant import Pendant
 from ....model.parsing.reading import did_you_mean
 from ...makers.maker import vendor_of
 from .at_rest import JointsAtRest
+from .fanuc import FanucJoints
 from .joint_client import JointsRefused, LiveAddress, LiveJoints
+from .kuka import KukaJoints
+from .rosbridge import RosJoints
+from .ur import UrJoints
+from .yaskawa import YaskawaJoints
 
 
 @dataclass(frozen=True)
@@ -23,45 +28,15 @@ class LiveScheme:
     port: int
     vendor: Vendor | None
     options: tuple[str, ...]
-    client: Callable[[], Callable[[LiveAddress, Pendant], LiveJoints]]
-
-
-def _ur() -> Callable[[LiveAddress, Pendant], LiveJoints]:
-    from .ur import UrJoints
-
-    return UrJoints
-
-
-def _yaskawa() -> Callable[[LiveAddress, Pendant], LiveJoints]:
-    from .yaskawa import YaskawaJoints
-
-    return YaskawaJoints
-
-
-def _kuka() -> Callable[[LiveAddress, Pendant], LiveJoints]:
-    from .kuka import KukaJoints
-
-    return KukaJoints
-
-
-def _fanuc() -> Callable[[LiveAddress, Pendant], LiveJoints]:
-    from .fanuc import FanucJoints
-
-    return FanucJoints
-
-
-def _ros() -> Callable[[LiveAddress, Pendant], LiveJoints]:
-    from .rosbridge import RosJoints
-
-    return RosJoints
+    client: type[LiveJoints]
 
 
 SCHEMES: Mapping[str, LiveScheme] = {
-    "ur": LiveScheme(30004, "universal-robots", ("arm", "dashboard"), _ur),
-    "kuka": LiveScheme(7000, "kuka", ("arm",), _kuka),
-    "fanuc": LiveScheme(16001, "fanuc", ("group",), _fanuc),
-    "yaskawa": LiveScheme(10040, "yaskawa", ("arm",), _yaskawa),
-    "ros": LiveScheme(9090, None, ("topic", "joints"), _ros),
+    "ur": LiveScheme(30004, "universal-robots", ("arm", "dashboard"), UrJoints),
+    "kuka": LiveScheme(7000, "kuka", ("arm",), KukaJoints),
+    "fanuc": LiveScheme(16001, "fanuc", ("group",), FanucJoints),
+    "yaskawa": LiveScheme(10040, "yaskawa", ("arm",), YaskawaJoints),
+    "ros": LiveScheme(9090, None, ("topic", "joints"), RosJoints),
 }
 
 
@@ -116,7 +91,7 @@ def open_joints(text: str, pendant: Pendant) -> JointsAtRest:
             found=f"{pendant.robot.name}, of {'another maker' if maker == 'other' else maker}",
             allowed=f"a robot of {scheme.vendor}",
         )
-    connect = partial(scheme.client(), address, pendant)
+    connect = partial(scheme.client, address, pendant)
     try:
         joints = JointsAtRest(connect, pendant)
     except JointsRefused as refused:

@@ -20,7 +20,8 @@ from ...procedure.centring import ACCEPTED_MM
 from ...procedure.events import MeasurementRecorded, RunEvent
 from ...sensors.controller_sensors import Sensors
 from ...sensors.psd import BRIGHTEST, WEAKEST
-from .joint_client import JointReading, JointsRefused, LinkFault, LiveJoints, OtherArm
+from ..transport import LinkFault
+from .joint_client import JointReading, JointsRefused, LiveJoints, OtherArm
 
 PAUSE_S = 0.25
 STILL = 0.002  # deg (mm): below the 0.005 to 0.02 deg that are usual for a joint's noise

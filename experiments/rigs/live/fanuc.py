@@ -9,35 +9,29 @@ the pendant counts them (joint 3 from the ground), and `TimeTag`, by a clock who
 from __future__ import annotations
 
 import json
-from contextlib import suppress
+from contextlib import closing, suppress
 
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
-from .stream import Stream
+from ..transport import LinkFault, Stream
+from .joint_client import JointReading, LiveAddress, LiveJoints, OtherArm
 
 _JOINTS, _GROUPS = 9, 8
 
 
-class FanucJoints:
+class FanucJoints(LiveJoints):
     """A session of the interface."""
-
-    identity, resolution, between_links, ticks = "", 0.0, False, None
 
     def __init__(self, address: LiveAddress, pendant: Pendant) -> None:
         self._n, self._group = pendant.robot.n, address.number("group", 1, _GROUPS)
-        first = Stream(address.host, address.port)
-        try:
+        with closing(Stream(address.host, address.port)) as first:
             port = _answered(first, "Communication", "FRC_Connect").get("PortNumber")
-        finally:
-            first.close()
         if not isinstance(port, int) or not 0 < port < 65536:
             raise LinkFault("the controller names no port for the session")
         self._stream = Stream(address.host, port)
 
-    def read(self) -> JointReading:
-        self._stream.begin()
+    def _reading(self) -> JointReading:
         answer = _answered(self._stream, "Command", "FRC_ReadJointAngles", Group=self._group)
         # Some versions call them JointAngles.
         angles, stamp = answer.get("JointAngle", answer.get("JointAngles")), answer.get("TimeTag")
@@ -57,7 +51,7 @@ class FanucJoints:
         with suppress(LinkFault):
             self._stream.begin()
             self._stream.send(_packet("Communication", "FRC_Disconnect"))
-        self._stream.close()
+        super().close()
 
 
 def _packet(kind: str, name: str, **content: int) -> bytes:

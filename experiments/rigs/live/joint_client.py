@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
-
-ANSWER_S = 2.0  # until a controller that does not answer counts as lost
+from ....model.kinematics.pendant import Pendant
+from ..transport import Stream
 
 
 @dataclass(frozen=True)
@@ -39,37 +40,35 @@ class JointReading:
     stamp: float
 
 
-class LiveJoints(Protocol):
-    """A connection to a controller, made by its constructor. Every method may raise LinkFault.
+class LiveJoints(ABC):
+    """A connection to the controller at `address`; a method may raise LinkFault.
 
     `identity` is what the controller says of itself, empty where it was not asked; `resolution` deg (mm), a
     number or (n,), is one count of its joints; `between_links` says that joint 3 is counted from link 2
     whatever the pendant does; `ticks` of the stamp are a second, None where that is not published.
     """
 
-    @property
-    def identity(self) -> str: ...
+    identity: str = ""
+    resolution: float | Matrix = 0.0
+    between_links: bool = False
+    ticks: float | None = None
+    _stream: Stream
 
-    @property
-    def resolution(self) -> float | Matrix: ...
-
-    @property
-    def between_links(self) -> bool: ...
-
-    @property
-    def ticks(self) -> float | None: ...
+    @abstractmethod
+    def __init__(self, address: LiveAddress, pendant: Pendant) -> None: ...
 
     def read(self) -> JointReading:
-        """The joints, measured after the call."""
-        ...
+        """The joints, measured after the call, within one deadline."""
+        self._stream.begin()
+        return self._reading()
+
+    @abstractmethod
+    def _reading(self) -> JointReading:
+        """What the controller answers."""
 
     def close(self) -> None:
         """End the connection; safe more than once."""
-        ...
-
-
-class LinkFault(Exception):
-    """The connection failed, or what came cannot be read; a new connection may do better."""
+        self._stream.close()
 
 
 class OtherArm(Exception):

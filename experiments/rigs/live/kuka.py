@@ -17,30 +17,27 @@ import struct
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from .joint_client import JointReading, LinkFault, LiveAddress
-from .stream import Stream
+from ..transport import LinkFault, Stream
+from .joint_client import JointReading, LiveAddress, LiveJoints
 
 _HEADER, _LENGTH = struct.Struct(">HHB"), struct.Struct(">H")
 _READ, _STATUS = 0, 3  # function; bytes behind a value
 _AXIS = re.compile(r"\bA(\d)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)")
 
 
-class KukaJoints:
+class KukaJoints(LiveJoints):
     """The connection to one proxy."""
 
-    resolution, between_links, ticks = 0.0, False, 1000.0
+    ticks = 1000.0
 
     def __init__(self, address: LiveAddress, pendant: Pendant) -> None:
         self._number = 0
         self._stream = Stream(address.host, address.port)
-        try:
-            self.identity = self._variable("$KR_SERIALNO") if "arm" in address.options else ""
-        except BaseException:
-            self.close()
-            raise
+        if "arm" in address.options:
+            with self._stream.closed_on_failure():
+                self.identity = self._variable("$KR_SERIALNO")
 
-    def read(self) -> JointReading:
-        self._stream.begin()
+    def _reading(self) -> JointReading:
         text = self._variable("$AXIS_ACT").strip()
         timer = self._variable("$ROB_TIMER")
         try:
@@ -51,9 +48,6 @@ class KukaJoints:
         if not text.endswith("}") or not axes or set(axes) != set(range(1, len(axes) + 1)):
             raise LinkFault("the proxy sent what are no axes")
         return JointReading(np.array([axes[i] for i in sorted(axes)]), stamp)
-
-    def close(self) -> None:
-        self._stream.close()
 
     def _variable(self, name: str) -> str:
         self._number = (self._number + 1) % 65536

@@ -15,43 +15,36 @@ import json
 import os
 import struct
 import time
+from collections.abc import Mapping
 from itertools import cycle
 
 import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.kinematics.pendant import Pendant
-from ..bounded import LARGEST
-from . import joint_client
-from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
-from .stream import Stream
+from .. import transport
+from ..transport import LARGEST, LinkFault, Stream
+from .joint_client import JointReading, LiveAddress, LiveJoints, OtherArm
 
 _GUID = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # of the standard
 _LONGEST = 125  # bytes of a ping
 _GOES_ON, _TEXT, _CLOSE, _PING, _PONG = 0x0, 0x1, 0x8, 0x9, 0xA  # from 8 on: control
 
 
-class WebSocket:
-    """An open connection; LinkFault where it fails."""
+class WebSocket(Stream):
+    """An open connection of frames."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._stream = Stream(host, port)
+        super().__init__(host, port)
         key = base64.b64encode(os.urandom(16))
         lines = [b"GET / HTTP/1.1", f"Host: {host}:{port}".encode("idna" if not host.isascii() else "ascii")]
         lines += [b"Upgrade: websocket", b"Connection: Upgrade", b"Sec-WebSocket-Version: 13"]
-        try:
-            self._stream.send(b"\r\n".join([*lines, b"Sec-WebSocket-Key: " + key, b"", b""]))
+        with self.closed_on_failure():
+            self.send(b"\r\n".join([*lines, b"Sec-WebSocket-Key: " + key, b"", b""]))
             self._opened(base64.b64encode(hashlib.sha1(key + _GUID).digest()))
-        except BaseException:
-            self.close()
-            raise
 
-    def begin(self) -> None:
-        """A reading begins: its time, and its bytes."""
-        self._stream.begin()
-
-    def send(self, text: str) -> None:
-        self._frame(_TEXT, text.encode())
+    def send_json(self, content: Mapping[str, object]) -> None:
+        self._frame(_TEXT, json.dumps(content).encode())
 
     def message(self) -> str:
         """The next text message."""
@@ -73,13 +66,10 @@ class WebSocket:
             if (kind, content) == (_PONG, mark):
                 return
 
-    def close(self) -> None:
-        self._stream.close()
-
     def _opened(self, expected: bytes) -> None:
-        status = self._stream.line()
+        status = self.line()
         accepted = b""
-        while line := self._stream.line():
+        while line := self.line():
             name, _, value = line.partition(b":")
             if name.lower() == b"sec-websocket-accept":
                 accepted = value.strip()
@@ -92,18 +82,18 @@ class WebSocket:
         length = bytes([0x80 | size]) if size < 126 else struct.pack(">BH", 0xFE, size)
         mask = os.urandom(4)
         masked = bytes(a ^ b for a, b in zip(content, cycle(mask), strict=False))
-        self._stream.send(bytes([0x80 | kind]) + length + mask + masked)
+        self.send(bytes([0x80 | kind]) + length + mask + masked)
 
     def _next(self) -> tuple[bool, int, bytes]:
         """Whether a frame is the last of its message, its kind and content; pings are answered."""
-        first, second = self._stream.exactly(2)
+        first, second = self.exactly(2)
         size = second & 0x7F
         if size >= 126:
-            size = int.from_bytes(self._stream.exactly(2 if size == 126 else 8), "big")
+            size = int.from_bytes(self.exactly(2 if size == 126 else 8), "big")
         kind = first & 0x0F
         if size > (_LONGEST if kind >= _CLOSE else LARGEST) or second & 0x80:
             raise LinkFault("a frame cannot be read")
-        content = self._stream.exactly(size)
+        content = self.exactly(size)
         if kind == _CLOSE:
             raise LinkFault("the websocket was closed")
         if kind == _PING:
@@ -115,10 +105,11 @@ _TOPIC = "/joint_states"
 _M = 1000.0
 
 
-class RosJoints:
+class RosJoints(LiveJoints):
     """The connection to one bridge."""
 
-    identity, resolution, between_links, ticks = "", 0.0, True, 1.0
+    between_links, ticks = True, 1.0
+    _stream: WebSocket
 
     def __init__(self, address: LiveAddress, pendant: Pendant) -> None:
         robot = pendant.robot
@@ -131,28 +122,24 @@ class RosJoints:
             [joint.display if joint.kind == "revolute" else _M for joint in robot.joints]
         )
         self._number = 0
-        self._socket = WebSocket(address.host, address.port)
+        self._stream = WebSocket(address.host, address.port)
 
-    def read(self) -> JointReading:
-        self._socket.begin()
+    def _reading(self) -> JointReading:
         self._number += 1
         subscription = {"id": f"zerobeam-{self._number}", "topic": self._topic}
-        self._socket.send(json.dumps({"op": "subscribe", **subscription, "queue_length": 1}))
+        self._stream.send_json({"op": "subscribe", **subscription, "queue_length": 1})
         reading = self._published()
-        self._socket.send(json.dumps({"op": "unsubscribe", **subscription}))
-        self._socket.drain()
+        self._stream.send_json({"op": "unsubscribe", **subscription})
+        self._stream.drain()
         return reading
-
-    def close(self) -> None:
-        self._socket.close()
 
     def _published(self) -> JointReading:
         """The next message that has the joints: a gripper may publish its own ones between."""
         others: dict[str, None] = {}
-        ends = time.monotonic() + joint_client.ANSWER_S
+        ends = time.monotonic() + transport.ANSWER_S
         while time.monotonic() < ends:
             try:
-                content = json.loads(self._socket.message())
+                content = json.loads(self._stream.message())
                 if content["op"] == "status" and content.get("level") == "error":
                     raise LinkFault(f"the bridge refuses: {str(content.get('msg'))[:200]}")
                 if content["op"] != "publish" or content["topic"] != self._topic:

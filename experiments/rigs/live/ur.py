@@ -14,12 +14,13 @@ The serial number is asked for where `arm=` states it: `get serial number` of th
 from __future__ import annotations
 
 import struct
+from contextlib import closing
 
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
-from .stream import Stream
+from ..transport import LinkFault, Stream
+from .joint_client import JointReading, LiveAddress, LiveJoints, OtherArm
 
 _VERSION, _SETUP, _START, _PAUSE, _DATA = b"V", b"O", b"S", b"P", b"U"
 _HEADER = struct.Struct(">HB")
@@ -30,10 +31,10 @@ _JOINTS = 6
 _DASHBOARD = 29999
 
 
-class UrJoints:
+class UrJoints(LiveJoints):
     """The connection to one controller, paused between readings."""
 
-    resolution, between_links, ticks = 0.0, False, 1.0
+    ticks = 1.0
 
     def __init__(self, address: LiveAddress, pendant: Pendant) -> None:
         if pendant.robot.n != _JOINTS:
@@ -42,18 +43,14 @@ class UrJoints:
             )
         self.identity = _serial(address) if "arm" in address.options else ""
         self._stream = Stream(address.host, address.port)
-        try:
+        with self._stream.closed_on_failure():
             if self._answered(_VERSION, struct.pack(">H", 2)) != b"\x01":
                 raise LinkFault("the controller has no version 2 of RTDE")
             self._recipe, types = self._set_up()
             if types != _TYPES:
                 raise LinkFault(f"the controller does not send {_OUTPUTS.decode()}: {types!r}")
-        except BaseException:
-            self.close()
-            raise
 
-    def read(self) -> JointReading:
-        self._stream.begin()
+    def _reading(self) -> JointReading:
         if self._answered(_START) != b"\x01":
             raise LinkFault("the controller does not start its data")
         content = self._next(_DATA)
@@ -64,9 +61,6 @@ class UrJoints:
             raise LinkFault("the controller sent data that were not set up")
         self._answered(_PAUSE)
         return JointReading(np.degrees(joints), stamp)
-
-    def close(self) -> None:
-        self._stream.close()
 
     def _set_up(self) -> tuple[int, bytes]:
         content = self._answered(_SETUP, _SETTINGS.pack(_RATE_HZ) + _OUTPUTS)
@@ -90,10 +84,7 @@ class UrJoints:
 
 
 def _serial(address: LiveAddress) -> str:
-    dashboard = Stream(address.host, address.number("dashboard", _DASHBOARD, 65535))
-    try:
+    with closing(Stream(address.host, address.number("dashboard", _DASHBOARD, 65535))) as dashboard:
         dashboard.line()  # its greeting
         dashboard.send(b"get serial number\n")
         return dashboard.line().decode("ascii", "replace").strip()
-    finally:
-        dashboard.close()

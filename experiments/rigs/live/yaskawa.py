@@ -12,15 +12,14 @@ with the model of robot 1, of which command 0x89 (instance 11) tells; the server
 
 from __future__ import annotations
 
-import socket
 import struct
 import time
 
 import numpy as np
 
 from ....model.kinematics.pendant import Pendant
-from . import joint_client
-from .joint_client import JointReading, LinkFault, LiveAddress, OtherArm
+from ..transport import LinkFault, Stream
+from .joint_client import JointReading, LiveAddress, LiveJoints, OtherArm
 
 _HEADER = struct.Struct("<4sHHBBBBI8s")
 _REQUEST, _ANSWER = struct.Struct("<HHBBH"), struct.Struct("<BBBBHH")
@@ -29,34 +28,23 @@ _READ_ALL = 0x01
 _WORDS = struct.Struct("<13i")
 _AXES = 5  # words before them
 _MODEL = slice(24, 40)  # letters, behind 24 of the software's version
-_LARGEST = 1500
 
 
-class YaskawaJoints:
+class YaskawaJoints(LiveJoints):
     """The connection to one controller."""
 
-    between_links, ticks = False, 1.0
+    ticks = 1.0
 
     def __init__(self, address: LiveAddress, pendant: Pendant) -> None:
         self._pulses = pendant.per_degree("pulse")
         self._order, self._number = pendant.order, 0
         self.resolution = 1.0 / np.abs(self._pulses)
-        self._called = f"{address.host}, port {address.port}"
-        try:
-            family, kind, protocol, _, where = socket.getaddrinfo(
-                address.host, address.port, type=socket.SOCK_DGRAM
-            )[0]
-            self._socket = socket.socket(family, kind, protocol)
-            self._socket.connect(where)
-        except OSError as error:
-            raise LinkFault(f"no connection to {self._called}: {error.strerror or error}") from None
-        try:
-            self.identity = self._model() if "arm" in address.options else ""
-        except BaseException:
-            self.close()
-            raise
+        self._stream = Stream(address.host, address.port, datagrams=True)
+        if "arm" in address.options:
+            with self._stream.closed_on_failure():
+                self.identity = self._model()
 
-    def read(self) -> JointReading:
+    def _reading(self) -> JointReading:
         stamp = time.monotonic()
         content = self._answered(*_POSITION)
         if len(content) != _WORDS.size:
@@ -72,9 +60,6 @@ class YaskawaJoints:
         joints[self._order] = axes[:n]
         return JointReading(joints / self._pulses, stamp)
 
-    def close(self) -> None:
-        self._socket.close()
-
     def _model(self) -> str:
         return self._answered(*_SYSTEM)[_MODEL].split(b"\0")[0].decode("ascii", "replace").strip()
 
@@ -82,19 +67,10 @@ class YaskawaJoints:
         """The content of the answer to a request without content."""
         self._number = (self._number + 1) % 256
         header = _HEADER.pack(b"YERC", 32, 0, 3, 1, 0, self._number, 0, b"99999999")
-        ends = time.monotonic() + joint_client.ANSWER_S
-        try:
-            self._socket.send(header + _REQUEST.pack(command, instance, 0, _READ_ALL, 0))
-            while (left := ends - time.monotonic()) > 0:
-                self._socket.settimeout(left)
-                content = self._answer(self._socket.recv(_LARGEST))
-                if content is not None:
-                    return content
-        except TimeoutError:
-            pass
-        except OSError as error:
-            raise LinkFault(f"{self._called} is lost: {error.strerror or error}") from None
-        raise LinkFault(f"{self._called} does not answer")
+        self._stream.send(header + _REQUEST.pack(command, instance, 0, _READ_ALL, 0))
+        while (content := self._answer(self._stream.datagram())) is None:
+            pass  # of an earlier request
+        return content
 
     def _answer(self, packet: bytes) -> bytes | None:
         """The content of a packet; None if it answers another request."""

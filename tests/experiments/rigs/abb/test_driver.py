@@ -426,7 +426,7 @@ def test_it_talks_to_the_address_given_and_to_no_other(
 
 
 @contextmanager
-def answering(status: int, name: str, value: str) -> Iterator[Session]:
+def answering(status: int, name: str, value: str) -> Iterator[RwsSession]:
     """A session with a web server that answers its first request so, with one header."""
 
     class Answer(BaseHTTPRequestHandler):

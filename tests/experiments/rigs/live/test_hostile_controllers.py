@@ -16,13 +16,11 @@ from contextlib import contextmanager, suppress
 import pytest
 from live_controllers import STAND_INS, Closed, TcpStandIn, robot_of
 
-from zerobeam.experiments.rigs import bounded
-from zerobeam.experiments.rigs.bounded import LARGEST, BoundedSocket
-from zerobeam.experiments.rigs.live import joint_client
+from zerobeam.experiments.rigs import transport
 from zerobeam.experiments.rigs.live.address import open_joints
-from zerobeam.experiments.rigs.live.joint_client import LinkFault
+from zerobeam.experiments.rigs.live.joint_client import JointsRefused
 from zerobeam.experiments.rigs.live.rosbridge import WebSocket
-from zerobeam.experiments.rigs.live.stream import Stream
+from zerobeam.experiments.rigs.transport import LARGEST, BoundedSocket, LinkFault, Stream
 from zerobeam.model.errors import RigFault
 from zerobeam.model.kinematics.pendant import pendant_of
 
@@ -32,13 +30,13 @@ Serve = Callable[[socket.socket], None]
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(joint_client, "ANSWER_S", 0.15)
+    monkeypatch.setattr(transport, "ANSWER_S", 0.15)
 
 
 @pytest.fixture
 def patient(impatient: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of what ends by its size, or by itself, however busy the machine is."""
-    monkeypatch.setattr(joint_client, "ANSWER_S", 30.0)
+    monkeypatch.setattr(transport, "ANSWER_S", 30.0)
 
 
 @contextmanager
@@ -132,14 +130,14 @@ FLOODS: dict[str, tuple[str, bytes, float, Serve]] = {
 def test_what_never_ends_is_one_error(scheme: str, content: bytes, pause: float, first: Serve) -> None:
     with Hostile(content, pause, first) as server, bounded_memory():
         url, pendant = f"{scheme}://127.0.0.1:{server.port}", pendant_of(robot_of(scheme))
-        with pytest.raises((RigFault, joint_client.JointsRefused), match="look at the connection"):
+        with pytest.raises((RigFault, JointsRefused), match="look at the connection"):
             open_joints(url, pendant).take()
 
 
 @pytest.mark.parametrize("content", [frame(0x8A, b"none"), frame(0x01, b""), other("x")])
 def test_draining_ends(content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     """A bridge that sends for ever, and never the answer to the ping."""
-    monkeypatch.setattr(joint_client, "ANSWER_S", 1.0)  # longer than a busy machine lets it be silent
+    monkeypatch.setattr(transport, "ANSWER_S", 1.0)  # longer than a busy machine lets it be silent
     with Hostile(content, 0.0, opening) as server:
         bridge = WebSocket("127.0.0.1", server.port)
         with pytest.raises(LinkFault, match=r"MB for one reading|does not come to an end"):
@@ -186,7 +184,7 @@ def test_a_silence_at_the_end_of_a_reading_is_its_end(monkeypatch: pytest.Monkey
     clock = iter([0.0, 0.14, 0.16])  # the reading begins; 0.01 s are left; it has ended
     with TcpStandIn(server_waits) as server:
         connected = socket.create_connection(("127.0.0.1", server.port))
-        monkeypatch.setattr(bounded, "monotonic", lambda: next(clock))
+        monkeypatch.setattr(transport, "monotonic", lambda: next(clock))
         reading = BoundedSocket(connected, "it", LinkFault, 0.05)
         with pytest.raises(LinkFault, match=r"it does not come to an end within 0\.15 s"):
             reading.recv(1)

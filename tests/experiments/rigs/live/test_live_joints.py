@@ -16,7 +16,8 @@ from live_controllers import FAULTS, STAND_INS, LiveArm, RosStandIn, UrStandIn, 
 import zerobeam as zb
 from zerobeam.experiments.procedure.events import Doubted, PostureRequested, RunEvent
 from zerobeam.experiments.recording import Answers, RunRequest, record
-from zerobeam.experiments.rigs.live import at_rest, joint_client
+from zerobeam.experiments.rigs import transport
+from zerobeam.experiments.rigs.live import at_rest
 from zerobeam.experiments.rigs.live.address import SCHEMES, open_joints, parse_address
 from zerobeam.experiments.rigs.live.at_rest import STILL, JointsAtRest
 from zerobeam.experiments.rigs.live.joint_client import JointsRefused
@@ -32,7 +33,7 @@ MOTION_S = 0.35  # of a motion: the two readings of an early confirmation are wi
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(joint_client, "ANSWER_S", 0.4)
+    monkeypatch.setattr(transport, "ANSWER_S", 0.4)
 
 
 def planned(arm: Robot, count: int) -> Plan:
@@ -187,7 +188,7 @@ def test_damaged_packets_are_refused_or_give_the_same_joints(
     stand_in: Any, monkeypatch: pytest.MonkeyPatch, count: int
 ) -> None:
     """Of the two readings of a posture one is damaged: what its packet does not show, the other one does."""
-    monkeypatch.setattr(joint_client, "ANSWER_S", 0.08)
+    monkeypatch.setattr(transport, "ANSWER_S", 0.08)
     monkeypatch.setattr(at_rest, "PAUSE_S", 0.03)
     joints = opened(stand_in)
     right, refused = joints.take(), 0
