@@ -40,8 +40,12 @@ def test_a_row_is_named_as_people_count_it_with_the_command(advised, folder):
 
 
 @pytest.mark.parametrize("which", ["4", "shots.csv:5", "some/where/shots.csv:5", "run.jsonl:6"])
-def test_what_is_advised_leaves_the_measurement_out(which, folder):
-    answer = zerobeam("analyse", folder / "run.jsonl", "--drop", which, "--ess", "100", "--json")
+def test_a_measurement_is_named_by_its_number_or_its_row(which, folder):
+    assert list(read_run(folder / "run.jsonl").numbers_of([which])) == [4]
+
+
+def test_what_is_advised_leaves_the_measurement_out(folder):
+    answer = zerobeam("analyse", folder / "run.jsonl", "--drop", "shots.csv:5", "--ess", "100", "--json")
     assert answer.status == 0, answer.err
     result = json.loads(answer.out)
     assert result["verdict"] == "pass"

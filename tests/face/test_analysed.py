@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from analysed_once import analysed_once
 from exact_runs import demo_runs
 from pages import Page
 
@@ -24,12 +25,12 @@ HOSTILE = "<script>alert(1)</script>"
 
 @pytest.fixture(scope="module")
 def good() -> zb.Analysed:
-    return zb.analyse(zb.read_run(demo_runs()[0].path), ess=400)
+    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100)
 
 
 @pytest.fixture(scope="module")
 def x_pattern() -> zb.Analysed:
-    return zb.analyse(zb.read_run(demo_runs()[1].path), ess=100)
+    return analysed_once(zb.read_run(demo_runs()[1].path), ess=100)
 
 
 @pytest.fixture(scope="module")
@@ -209,7 +210,7 @@ def test_researchers_have_jacobian_rank_and_condition() -> None:
     import numpy as np
 
     run = zb.read_run(demo_runs()[1].path)
-    solution = zb.analyse(run, ess=100)
+    solution = analysed_once(run, ess=100)
     problem, x, exact = solution.problem, solution.fit.x, solution.jacobian
     assert exact.shape == (problem.whiten(x).residual.size, problem.parameters.free.sum())
     for name in ("delta2", "delta4", "psd.x"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from analysed_once import analysed_once
 from exact_runs import demo_runs
 from matplotlib.figure import Figure as PlainFigure
 
@@ -18,7 +19,7 @@ POSTURE = [10, -20, 30, 5, 40, 0]
 
 @pytest.fixture(scope="module")
 def good() -> zb.Analysed:
-    return zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100)
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from analysed_once import analysed_once
 from exact_runs import demo_runs
 
 import zerobeam as zb
@@ -26,7 +27,7 @@ HEADER = {
 
 @pytest.fixture(scope="module")
 def good() -> zb.Analysed:
-    return zb.analyse(zb.read_run(demo_runs()[0].path), ess=400)
+    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100)
 
 
 @pytest.fixture(scope="module")

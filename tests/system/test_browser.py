@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 from chromium import LAPTOP, PHONE, SIZES, Size, chromium
-from command_line import zerobeam
-from exact_runs import demo_runs
+from demo_reports import demo_reports
 from example_results import EXAMPLES, drawn
 from pages import Page, assert_fetches_nothing
 
@@ -49,11 +48,9 @@ def findings(file: Path, size: Size) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report() -> Path:
     chromium()
-    folder = tmp_path_factory.mktemp("browser") / "report"
-    assert zerobeam("report", demo_runs()[0].path, "-o", folder).status == 0
-    return folder
+    return demo_reports().folder / "good"
 
 
 def written(folder: Path, result: Result) -> Path:
@@ -100,7 +97,7 @@ def test_the_scene_turns_and_says_where_the_target_stands(report: Path) -> None:
     with chromium().opened(report / "report.html") as tab:
         assert f"psd at {', '.join(place)} mm, half axes of its 95 % ellipsoid" in tab.text
         assert tab.value("document.getElementById('scene').className") == "alive"
-        assert "measurement 0 at psd (1 of 7)" in tab.text
+        assert "measurement 0 at psd (1 of 9)" in tab.text
     assert "script-src 'sha256-" in Page((report / "report.html").read_text(encoding="utf-8")).policy
 
 

@@ -101,7 +101,7 @@ def test_the_installed_command_answers(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("file", "status", "verdict"), [(GOOD, 0, "pass"), (X_PATTERN, 1, "degenerate")])
 def test_analyse_ends_with_its_verdict(file: Path, status: int, verdict: str) -> None:
-    told = zerobeam("analyse", file, "--json", "--seed", "5")
+    told = zerobeam("analyse", file, "--json", "--seed", "5", *FEW)
     assert (told.status, told.err) == (status, "")
     assert told.json["verdict"] == verdict
     assert told.json["inputs"]["seed"] == 5
@@ -115,7 +115,7 @@ def test_a_weak_verdict_is_no_pass(tmp_path: Path) -> None:
 
 
 def test_analyse_prints_for_people_without_json() -> None:
-    told = zerobeam("analyse", GOOD)
+    told = zerobeam("analyse", GOOD, *FEW)
     assert (told.status, told.err) == (0, "")
     assert told.out.startswith("Simulated: pass. ")
     assert "●" in told.out
@@ -432,7 +432,7 @@ def test_an_interruption_is_no_verdict_either(
     both = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, inherited) for number in both]
     try:
-        told = zerobeam("analyse", GOOD)
+        told = zerobeam("analyse", GOOD, *FEW)
         after = [signal.getsignal(number) for number in both]
     finally:
         for number, handler in zip(both, before, strict=True):

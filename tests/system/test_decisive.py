@@ -16,20 +16,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import exact_runs
 import numpy as np
 import pypdf
 import pytest
 from cells import pattern_plan, plan_of
 from command_line import WIDTH, plan_file, zerobeam
-from exact_runs import demo_runs
+from demo_reports import demo_reports, reports_written
 from recordings import DINOVA_1, PANDA_1, imported, places
 from rich.console import Console
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import Check
-from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.solution import ParameterTable
 from zerobeam.analysis.status import Status
+from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.plan import read_plan
@@ -40,12 +41,11 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.output.terminal import print_blocks, print_page
 from zerobeam.reports.plan.check_page import check_page
-from zerobeam.reports.run import report as report_folder
 from zerobeam.reports.run.brief_page import brief_page, side_by_side
 from zerobeam.reports.run.report import report_page
 from zerobeam.words.sentences import to_json
 
-GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
+GOOD, _, UNCALIBRATED = (case.path for case in exact_runs.demo_runs())
 
 # Prior stds of what is told nowhere. A std below this share of it would be a claim.
 Untold = dict[str, float]
@@ -202,7 +202,10 @@ CASES = ["x-pattern", "joint 1 freed", "last joint freed", "three shots", "panda
 
 def case(name: str, folder: Path, request: pytest.FixtureRequest) -> Case:
     if name == "x-pattern":
-        return Case(X_PATTERN, {"delta2": 5.0, "psd.x": 200.0, "psd.z": 200.0})
+        return Case(
+            next(run.path for run in demo_runs() if run.name == name),
+            {"delta2": 5.0, "psd.x": 200.0, "psd.z": 200.0},
+        )
     if name == "joint 1 freed":
         run = with_header(GOOD, folder / "run.jsonl", held=[])
         return Case(run, {"delta1": 5.0, "psd.x": 200.0, "psd.y": 200.0})
@@ -234,23 +237,17 @@ def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
             monkeypatch.setattr(
                 importlib.import_module("zerobeam.analysis.posterior.sampler"), attribute, value
             )
-    folder = tmp_path / "report"
-    made: list[Result] = []
-    write = report_folder.write_report
-
-    def seen(to: Path, result: Result, draws: Draws | None) -> report_folder.ReportPaths:
-        made.append(result)
-        return write(to, result, draws)
-
-    monkeypatch.setattr(report_folder, "write_report", seen)
-    told = zerobeam("report", chosen.run, "-o", folder, "--json", "--ess", "400")
-    assert told.status == 1
+    if name == "x-pattern":
+        folder, result = demo_reports().folder / name, demo_reports().made_of[name].result
+    else:
+        folder = tmp_path / name
+        with reports_written() as made_of:
+            assert zerobeam("report", chosen.run, "-o", folder, "--ess", "400").status == 1
+        result = made_of[name].result
+    assert (folder / "result.json").read_text(encoding="utf-8") == dumps(to_json(result))
     # A real arm is not as its model says, which is graver.
-    assert told.json["verdict"] == ("misfit" if told.json["misfit"] else "degenerate")
-    assert (folder / "result.json").read_text(encoding="utf-8") == dumps(told.json)
+    assert result.verdict == ("misfit" if result.misfit else "degenerate")
     page = (folder / "report.html").read_text(encoding="utf-8")
-    (result,) = made
-    assert to_json(result) == told.json
     claims = claims_of_a_result(result, chosen.untold, page, (folder / "report.pdf").read_bytes())
     assert not any(claims.values()), claims
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import exact_runs
 import numpy as np
-import pytest
-from command_line import Answer, zerobeam
+from demo_reports import demo_reports
 from scipy import stats
 
 from zerobeam.analysis.ladder import solve_run
@@ -23,14 +21,8 @@ WORDS = 250
 TABLE_2 = {"delta2": -1.2168, "delta3": -0.6931, "delta4": 0.1129, "delta5": 0.0053, "delta6": -0.0382}
 
 
-@pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
-    folder = tmp_path_factory.mktemp("demo") / "reports"
-    return zerobeam("demo", "-o", folder), folder
-
-
-def result(demo: tuple[Answer, Path], name: str) -> Any:
-    return json.loads((demo[1] / name / "result.json").read_text(encoding="utf-8"))
+def result(name: str) -> Any:
+    return json.loads((demo_reports().folder / name / "result.json").read_text(encoding="utf-8"))
 
 
 def rows(answer: Any) -> dict[str, Any]:
@@ -49,8 +41,8 @@ def outside(answer: Any) -> list[str]:
     return found
 
 
-def test_it_writes_four_reports_and_tells_where_in_few_words(demo: tuple[Answer, Path]) -> None:
-    told, folder = demo
+def test_it_writes_four_reports_and_tells_where_in_few_words() -> None:
+    told, folder, _ = demo_reports()
     assert (told.status, told.err) == (0, "")
     assert {path.name for path in folder.iterdir()} == {case.name for case in demo_runs()}
     for case in folder.iterdir():
@@ -61,8 +53,8 @@ def test_it_writes_four_reports_and_tells_where_in_few_words(demo: tuple[Answer,
     assert len(told.out.split()) <= WORDS + 4 * len(str(folder).split())
 
 
-def test_the_good_run_passes_and_holds_the_truth(demo: tuple[Answer, Path]) -> None:
-    answer = result(demo, "good")
+def test_the_good_run_passes_and_holds_the_truth() -> None:
+    answer = result("good")
     assert answer["verdict"] == "pass"
     assert answer["posterior"]["converged"]
     offsets = {name: row for name, row in rows(answer).items() if name.startswith("delta")}
@@ -77,8 +69,8 @@ def test_the_good_run_passes_and_holds_the_truth(demo: tuple[Answer, Path]) -> N
     assert outside(answer) == ["delta3"]
 
 
-def test_the_x_pattern_does_not_tell_delta2_and_says_why_and_what_to_do(demo: tuple[Answer, Path]) -> None:
-    answer = result(demo, "x-pattern")
+def test_the_x_pattern_does_not_tell_delta2_and_says_why_and_what_to_do() -> None:
+    answer = result("x-pattern")
     assert answer["verdict"] == "degenerate"
     row = rows(answer)["delta2"]
     assert row["status"] == "unidentifiable"
@@ -91,12 +83,12 @@ def test_the_x_pattern_does_not_tell_delta2_and_says_why_and_what_to_do(demo: tu
     assert max(direction["combination"], key=lambda name: abs(direction["combination"][name])) == "delta2"
     assert "vary joint 1" in direction["remedy"]
     assert outside(answer) == []
-    page = (demo[1] / "x-pattern" / "report.html").read_text(encoding="utf-8")
+    page = (demo_reports().folder / "x-pattern" / "report.html").read_text(encoding="utf-8")
     assert "vary joint 1" in page.replace("Vary", "vary")
 
 
-def test_the_uncalibrated_tool_is_estimated_and_its_joint_held(demo: tuple[Answer, Path]) -> None:
-    answer = result(demo, "uncalibrated")
+def test_the_uncalibrated_tool_is_estimated_and_its_joint_held() -> None:
+    answer = result("uncalibrated")
     assert answer["verdict"] == "pass"
     row = rows(answer)["delta6"]
     assert (row["status"], row["estimate"], row["std"]) == ("held", 0.0, None)
@@ -108,8 +100,8 @@ def test_the_uncalibrated_tool_is_estimated_and_its_joint_held(demo: tuple[Answe
     assert outside(answer) == []
 
 
-def test_the_y_pattern_hardly_tells_an_offset(demo: tuple[Answer, Path]) -> None:
-    answer = result(demo, "y-pattern")
+def test_the_y_pattern_hardly_tells_an_offset() -> None:
+    answer = result("y-pattern")
     assert answer["verdict"] == "weak"
     offsets = [row for name, row in rows(answer).items() if name in TABLE_2]
     assert {row["status"] for row in offsets} == {"weak", "assumed"}

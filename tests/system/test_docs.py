@@ -30,7 +30,7 @@ from documents import (
     told_commands,
     words,
 )
-from exact_runs import demo_runs
+from example_results import EXAMPLES
 from measured_arms import cube_run
 from scripts import load_script
 
@@ -38,6 +38,8 @@ import zerobeam
 from zerobeam.commands.program import app
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
 from zerobeam.experiments.studies.sweeps.study_file import built_in_studies
+from zerobeam.model.records import dumps
+from zerobeam.words.sentences import to_json
 
 COMMANDS: Any = typer.main.get_command(app)
 TEXTS = {name: read(name) for name in PAGES} | {
@@ -231,6 +233,7 @@ OPEN = {
     "consider",
     "enough",
     "header",
+    "jackknife",
     "observability",
     "state",
     "status",
@@ -257,34 +260,11 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     if kind == "check":
         prepare(TEXTS["docs/files.md"], folder)
         return [command_line("check", folder / "x-pattern.yaml", "--json").json]
-    good, x_pattern, _ = (case.path for case in demo_runs())
-    header, *shots = (json.loads(line) for line in good.read_text(encoding="utf-8").splitlines())
-    header["geometry"] = "exact"
-    header["distances"] = [{"between": ["psd", "far"], "mm": 1, "sigma_mm": 1}]
-    far = [{**shot, "shot": len(shots) + i, "target": "far"} for i, shot in enumerate(shots)]
-    # The two that are tied by a distance are one placement, and are held out together.
-    apart = [{**shot, "shot": 2 * len(shots) + i, "target": "apart"} for i, shot in enumerate(shots)]
-    three = folder / "three.jsonl"
-    three.write_text("\n".join(json.dumps(row) for row in (header, *shots, *far, *apart)), encoding="utf-8")
-    # With two columns exchanged there is something to diagnose.
-    exchanged = folder / "exchanged.jsonl"
-    rows = [{**shot, "joints_deg": [shot["joints_deg"][i] for i in (0, 2, 1, 3, 4, 5)]} for shot in shots]
-    ties, header = header, {**header, "distances": [], "limits": "warn"}
-    exchanged.write_text("\n".join(json.dumps(row) for row in (header, *rows)), encoding="utf-8")
-    asked = ("--ess", 100, "--json", "--robust", "huber", "--hold-out", "apart")
-    uncertain = folder / "uncertain.jsonl"
-    free = {**ties, "distances": [], "geometry": {"scale": "estimated"}, "required": {"tcp_mm": 1.0}}
-    uncertain.write_text("\n".join(json.dumps(row) for row in (free, *shots)), encoding="utf-8")
-    # With two targets the placements of such a run disagree.
-    crossed = [{**shot, "joints_deg": [shot["joints_deg"][i] for i in (0, 1, 2, 5, 4, 3)]} for shot in shots]
-    swapped = folder / "swapped.jsonl"
-    swapped.write_text("\n".join(json.dumps(row) for row in (ties, *crossed, *far)), encoding="utf-8")
-    cube = cube_run(folder / "cube.jsonl")
-    alone = [
-        command_line("analyse", run, *asked[:3]).json
-        for run in (x_pattern, exchanged, swapped, uncertain, cube)
-    ]
-    return [command_line("analyse", three, *asked).json, *alone]
+    header, *shots = cube_run(folder / "cube.jsonl").read_text(encoding="utf-8").splitlines()
+    required = json.dumps({**json.loads(header), "required": {"tcp_mm": 1.0}})
+    (folder / "cube.jsonl").write_text("\n".join([required, *shots]), encoding="utf-8")
+    cube = command_line("analyse", folder / "cube.jsonl", "--ess", 100, "--json").json
+    return [cube, *(json.loads(dumps(to_json(result))) for result in EXAMPLES.values())]
 
 
 @pytest.mark.parametrize("name", SCHEMA_NAMES)

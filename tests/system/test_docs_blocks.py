@@ -1,8 +1,7 @@
 """Every block of the documentation is run, or read as the file that it is, and prints what the page says.
 
 In the short form posteriors are drawn shorter, plans are chosen from fewer postures where a page does not say
-how many, only the README's report is written, and of all pages the README and that of the files are run; the
-long tests run all as it stands.
+how many, no report is written, and of all pages the README is run; the long tests run all as it stands.
 """
 
 from __future__ import annotations
@@ -174,9 +173,9 @@ def test_most_pages_have_something_to_run() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(set(RUN) - SLOW))
-@pytest.mark.at_length(r"^docs/(?!files\.md)")
+@pytest.mark.at_length(r"^docs/")
 def test_the_blocks_of_a_page_run_in_their_order(name: str, place: Callable[[str], Path]) -> None:
-    assert carry_out(read(name), place(name), short=True, written=name == "README.md") >= 1
+    assert carry_out(read(name), place(name), short=True, written=False) >= 1
 
 
 @pytest.mark.long

@@ -18,7 +18,9 @@ def examples(name: str) -> list[doctest.DocTest]:
 
 
 @pytest.mark.parametrize("name", [name for name in zerobeam.__all__ if examples(name)])
-@pytest.mark.at_length(r"^(Analysed|write_report|OptimalPlan|optimal_plan|Figure|Contour|SceneView|Profile)$")
+@pytest.mark.at_length(
+    r"^(Analysed|Result|CheckedPlan|write_report|OptimalPlan|optimal_plan|Figure|Contour|SceneView|Profile)$"
+)
 def test_the_examples_of(name: str) -> None:
     for test in examples(name):
         assert doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test).failed == 0

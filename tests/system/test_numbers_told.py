@@ -17,6 +17,7 @@ from typing import Any
 import pypdf
 import pytest
 from command_line import zerobeam
+from demo_reports import demo_reports
 from exact_runs import demo_runs
 from pages import Page
 
@@ -30,7 +31,7 @@ NUMBER = re.compile(r"(?<![\w.])[-\u2212]?\d+(?:\.\d+)?(?:e[-\u2212]?\d+)?(?!\w|
 def of_the_result(value: Any) -> Iterator[float]:
     """All numbers, those in texts and keys too, and how many entries a list has."""
     if isinstance(value, str):
-        yield from (float(found) for found in re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", value))
+        yield from (float(found) for found in re.findall(r"(?:(?<!\w)-)?\d+(?:\.\d+)?(?:e-?\d+)?", value))
     elif isinstance(value, int | float):
         yield float(value)
     elif isinstance(value, list | dict):
@@ -104,22 +105,28 @@ def made_up(text: str, known: list[float]) -> list[str]:
     return found
 
 
-@pytest.fixture(scope="module", params=["good", "x-pattern", "good with geometry"])
-def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    name, _, geometry = request.param.partition(" with ")
-    (case,) = (case for case in demo_runs() if case.name == name)
-    folder, run = tmp_path_factory.mktemp("told") / "report", case.path
-    if geometry:
-        header, *shots = run.read_text(encoding="utf-8").splitlines()
-        run = folder.with_name("run.jsonl")
-        stated = json.dumps({**json.loads(header), "geometry": {"scale": "estimated"}})
-        run.write_text("\n".join([stated, *shots]), encoding="utf-8")
-    assert zerobeam("report", run, "-o", folder, "--ess", "100").status in (0, 1)
-    return folder
+@pytest.fixture(scope="module")
+def with_geometry(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("told")
+    header, *shots = demo_runs()[0].path.read_text(encoding="utf-8").splitlines()
+    stated = json.dumps({**json.loads(header), "geometry": {"scale": "estimated"}})
+    (folder / "run.jsonl").write_text("\n".join([stated, *shots]), encoding="utf-8")
+    told = zerobeam("report", folder / "run.jsonl", "-o", folder / "report", "--ess", "100")
+    assert told.status in (0, 1)
+    return folder / "report"
 
 
-@pytest.mark.at_length(r"(with geometry|x-pattern)$")
-def test_no_number_is_made_up(report: Path) -> None:
+@pytest.mark.parametrize("name", ["x-pattern", "uncalibrated"])
+def test_no_number_is_made_up(name: str) -> None:
+    none_is_made_up(demo_reports().folder / name)
+
+
+@pytest.mark.long
+def test_no_number_is_made_up_of_the_geometry(with_geometry: Path) -> None:
+    none_is_made_up(with_geometry)
+
+
+def none_is_made_up(report: Path) -> None:
     answer = json.loads((report / "result.json").read_text(encoding="utf-8"))
     page = " ".join(Page((report / "report.html").read_text(encoding="utf-8")).text)
     sheets = pypdf.PdfReader(report / "report.pdf").pages

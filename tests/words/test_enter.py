@@ -7,6 +7,7 @@ from functools import cache
 from typing import Literal
 
 import pytest
+from analysed_once import analysed_once
 from exact_runs import demo_runs
 
 import zerobeam as zb
@@ -37,7 +38,7 @@ NAMES = [f"delta{i}" for i in range(2, 7)]
 
 @cache
 def passed() -> Result:
-    return zb.analyse(zb.read_run(demo_runs()[0].path), ess=100).result
+    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100).result
 
 
 def values(before: TcpError | None = BEFORE, after: TcpError | None = AFTER) -> Result:

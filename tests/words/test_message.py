@@ -13,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import scipy
+from analysed_once import analysed_once
 from cells import TABLE_2, good_plan, pattern_plan, run_of, simulated
 from exact_runs import demo_runs
 from rich.console import Console
@@ -44,7 +45,7 @@ GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
 
 @functools.cache
 def analysed(name: str) -> zb.Analysed:
-    return zb.analyse(
+    return analysed_once(
         {
             "good": lambda: read_run(GOOD),
             "measured": measured,

@@ -78,8 +78,14 @@ def test_all_files_are_there_over_those_of_before_and_stay_when_a_number_is_none
     assert all(path.exists() for path in paths.figures)
 
 
-def test_of_a_study_only_its_own_files_are_replaced(tmp_path: Path, refused: Refused) -> None:
-    """A table that another study would have here is somebody's own."""
+def test_of_a_study_only_its_own_files_are_replaced(
+    tmp_path: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A table that another study would have here is somebody's own. The figures are drawn once."""
+    cell = typed(cell_study())
+    drawn = made_once("figures of a study cell", lambda: study_of(cell).pictures(cell))
+    study = dataclasses.replace(STUDIES["cell"], drawn=lambda _: [*drawn.values()])
+    monkeypatch.setitem(STUDIES, "cell", study)
     (tmp_path / "study.json").write_text('{"schema": "zerobeam/study/1", "study": "table2"}')
     for name in STUDIES["table2"].tables:
         (tmp_path / name).write_text("before")
@@ -91,7 +97,7 @@ def test_of_a_study_only_its_own_files_are_replaced(tmp_path: Path, refused: Ref
         assert table.name in str(refused(write_study, tmp_path, typed(answer)))
     assert table.read_text() == "mine"
     table.unlink()
-    write_study(tmp_path, typed(cell_study()))
+    write_study(tmp_path, cell)
     assert {path.name for path in tmp_path.glob("*.csv")} == {"parameters.csv", "time.csv", "plans.csv"}
 
 
