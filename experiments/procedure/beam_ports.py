@@ -24,7 +24,7 @@ from ..sensors.camera import Camera, Image
 from ..sensors.psd import WEAKEST, Psd
 from .centring import centre
 from .events import ArmSent, Attempted, Listener, PhaseBegun, PictureTaken, SpotSeen
-from .ports import Reading
+from .ports import Ports, Reading
 from .readings import Spot, read_dark, read_joints, read_spot
 from .rig import MeasurementRefused, RefusalReason, Rig
 from .search import Search
@@ -121,10 +121,10 @@ _NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of the nominal values, for 
 _READ_ALIKE = 6.0  # stds of a joint reading
 
 
-class BeamPorts:
+class BeamPorts(Ports):
     """The ports of a rig. `scene`: whether to tell where the arm is sent and what the camera sees."""
 
-    attempts, repeats, every = ATTEMPTS, False, 1
+    attempts = ATTEMPTS
 
     def __init__(self, plan: Plan, rig: Rig, told: Listener, *, scene: bool = False) -> None:
         self.plan, self.listener = plan, told
@@ -133,10 +133,7 @@ class BeamPorts:
         self.problem = Problem.from_plan(plan)
         self._supposed = self.problem.nominal()
         self._near = near_nominal(self.problem, self._supposed)
-        self.seconds = dict.fromkeys(PHASES, 0.0)
-
-    def together(self, number: int) -> tuple[int, ...]:
-        return (number,)
+        self.seconds: dict[str, float] = dict.fromkeys(PHASES, 0.0)
 
     def begin(self, number: int, recorded: Sequence[Shot], refused: Collection[int]) -> None:
         # Offsets and targets by the measurements so far; what they carry no information about as nominal.
@@ -207,9 +204,6 @@ class BeamPorts:
 
     def reading(self, number: int) -> Reading:
         return {"spot_mm": self._read[1]}
-
-    def moved(self, number: int) -> bool:
-        return False  # the joints were read before and after the spot
 
     def now(self) -> float:
         return round(self.rig.now(), 6)

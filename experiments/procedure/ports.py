@@ -11,8 +11,9 @@ and repeated, and when the run ends. Ports keep nothing from one measurement to 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from typing import Protocol
+from types import MappingProxyType
 
 from ...model.arrays import Matrix
 from ...model.files.plan import Plan
@@ -45,58 +46,53 @@ class Paused(Exception):
     """No more lines come, or the person wants to go on later."""
 
 
-class Ports(Protocol):
+class Ports(ABC):
     """What carries out the measurements of `plan`; `listener` is called with what happens, as events.
 
     A measurement is given up after so many `attempts` that were refused. Where `repeats`, who measures hears
     which measurement contradicts the others. What is known so far is found out after every so many (`every`).
     `seconds` of this session are by phase, empty where nobody measures them; `problem` is the plan's. Every
-    method may raise RigFault, which ends the run.
+    method may raise RigFault, which ends the run. Where nothing has to be done at a port, nothing is.
     """
 
     plan: Plan
     problem: Problem
-    attempts: int
-    repeats: bool
-    every: int
-    seconds: dict[str, float]
-
-    @property
-    def listener(self) -> Listener: ...
+    listener: Listener
+    attempts = 1
+    repeats = False
+    every = 1
+    seconds: Mapping[str, float] = MappingProxyType({})
 
     def together(self, number: int) -> tuple[int, ...]:
         """The measurements that are made at the posture of `number`, in their order."""
-        ...
+        return (number,)
 
-    def begin(self, number: int, recorded: Sequence[Shot], refused: Collection[int]) -> None:
+    def begin(self, number: int, recorded: Sequence[Shot], refused: Collection[int]) -> None:  # noqa: B027
         """Measurement `number` is coming: what is recorded and refused so far is all that it depends on."""
-        ...
 
-    def move_to(self, number: int, attempt: int) -> None:
+    def move_to(self, number: int, attempt: int) -> None:  # noqa: B027
         """Bring the arm to the posture, or ask for that; MeasurementRefused where that cannot be."""
-        ...
 
     def confirm(self, number: int) -> int:
         """Return once the arm is where the measurement is to be made: its number, or that of another one in
         whose posture the arm is. MeasurementRefused, Skipped, TakenBack or Paused where it is not."""
-        ...
+        return number
 
+    @abstractmethod
     def joints(self) -> Matrix:
         """(n,) deg (mm) the joints that were confirmed."""
-        ...
 
+    @abstractmethod
     def reading(self, number: int) -> Reading:
         """What is read there; as `confirm` where it is not."""
-        ...
 
     def moved(self, number: int) -> bool:
         """Whether the arm has moved since it was confirmed, which is said: then it is asked for again."""
-        ...
+        return False
 
     def now(self) -> float | None:
         """Seconds since the start of the run; None where no clock runs."""
-        ...
+        return None
 
-    def stop(self) -> None:
+    def stop(self) -> None:  # noqa: B027
         """Stop the motion, switch the laser off; safe at any moment, more than once."""
-        ...

@@ -8,7 +8,7 @@ stopped.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -54,7 +54,7 @@ class SessionResult:
     shots: tuple[Shot, ...]
     refused: tuple[RefusedPosture, ...]
     state: Solution | None
-    seconds: dict[str, float]
+    seconds: Mapping[str, float]
     missing: tuple[int, ...] = ()
 
 

@@ -23,7 +23,7 @@ from ....model.likelihood.problem import Problem
 from ...makers.joint_text import joints_so_far, labelled, typed_joints
 from ...procedure.beam_ports import arm_sent
 from ...procedure.events import Doubted, Listener, PostureRequested, ReadingRequested
-from ...procedure.ports import Paused, Reading, Skipped, TakenBack
+from ...procedure.ports import Paused, Ports, Reading, Skipped, TakenBack
 from ...procedure.steering import Belief
 from ...sensors.text_lines import InstrumentLines, ReadingRefused
 from ..live.at_rest import JointsAtRest
@@ -55,7 +55,7 @@ class _Held:
 
 
 @dataclass(eq=False)
-class HandPorts:
+class HandPorts(Ports):
     """`lines` says what the person or robot writes, `pendant` and `units` what its numbers are. With `arm`
     the joints are read from its controller where an empty line confirms them; with `instrument` its readings
     are not typed."""
@@ -68,11 +68,10 @@ class HandPorts:
     scene: bool = False  # whether to tell where the arm is to be
     arm: JointsAtRest | None = None
     instrument: InstrumentLines | None = None
-    seconds: dict[str, float] = field(default_factory=dict, init=False)
     _comment: str | None = field(default=None, init=False)
     _since: float | None = field(default=None, init=False)
 
-    attempts, repeats, every = 0, True, 1  # a person says when it is enough
+    attempts, repeats = 0, True  # a person says when it is enough
 
     def __post_init__(self) -> None:
         self.problem = Problem.from_plan(self.plan)
@@ -165,9 +164,6 @@ class HandPorts:
     def now(self) -> float:
         assert self._since is not None
         return round(time.monotonic() - self._since, 3)
-
-    def stop(self) -> None:
-        pass  # who moves the arm stops it
 
     def _line(self) -> str:
         line = self.lines.following()

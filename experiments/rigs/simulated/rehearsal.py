@@ -11,22 +11,19 @@ from ....analysis.solution import Solution
 from ....model.arrays import Matrix
 from ....model.files.shot import Shot
 from ...procedure.events import Listener
-from ...procedure.ports import Reading
+from ...procedure.ports import Ports, Reading
 from ...simulate import Truth, simulated_shots
 
 _STATES = 5  # times at most what is known so far is found out
 
 
-class Rehearsal:
+class Rehearsal(Ports):
     """The ports and the order of the measurements of a simulated arm, with noise by `rng`."""
-
-    attempts, repeats = 1, False
 
     def __init__(self, truth: Truth, rng: np.random.Generator, told: Listener) -> None:
         self.plan, self.problem, self.listener = truth.plan, truth.problem, told
         # What each measurement adds is told of a tool; a fit of many other readings takes too long for that.
         self.every = 1 if self.plan.header.only_tools else -(-len(self.plan.postures) // _STATES)
-        self.seconds: dict[str, float] = {}
         self._shots = simulated_shots(truth, rng)
 
     def following(
@@ -40,29 +37,8 @@ class Rehearsal:
                 return shot.shot
         return None
 
-    def together(self, number: int) -> tuple[int, ...]:
-        return (number,)
-
-    def begin(self, number: int, recorded: Sequence[Shot], refused: Collection[int]) -> None:
-        pass
-
-    def move_to(self, number: int, attempt: int) -> None:
-        pass
-
-    def confirm(self, number: int) -> int:
-        return number
-
     def joints(self) -> Matrix:
         return np.array(self._shot.joints_deg)
 
     def reading(self, number: int) -> Reading:
         return self._shot.readings
-
-    def moved(self, number: int) -> bool:
-        return False
-
-    def now(self) -> float | None:
-        return None
-
-    def stop(self) -> None:
-        pass
