@@ -107,9 +107,10 @@ def run(
 def _live_answers(opened: ExitStack, plan: Plan, options: RunOptions, *, attended: bool) -> Answers:
     """The joints of the controller at the rig's address, taken where a line or the PSD confirms them:
     closed with `opened`. `attended`: a person reads the questions, although this is no terminal."""
+    from ..experiments.procedure.readings import most
     from ..experiments.recording import Answers
     from ..experiments.rigs.live.address import open_joints
-    from ..experiments.rigs.live.at_rest import CentredLines, currents_of
+    from ..experiments.rigs.live.at_rest import SAMPLES, CentredLines
     from ..experiments.sensors.attached import read_sensors
     from ..model.kinematics.pendant import pendant_of
 
@@ -130,7 +131,7 @@ def _live_answers(opened: ExitStack, plan: Plan, options: RunOptions, *, attende
         (target,) = plan.target_names
         say("Switch the laser off, and press Enter: the ambient light is measured.", to=err)
         lines.following()
-        dark = currents_of(attached, target)
+        dark = most(attached.currents(target, SAMPLES), SAMPLES)
         if dark is None:
             raise RigFault("most samples of the PSD do not arrive")
         say(

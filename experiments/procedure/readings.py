@@ -32,16 +32,21 @@ def arrived(rig: Rig, psd: Psd, samples: int) -> Matrix:
     MeasurementRefused where the link stays down, or where they are saturated.
     """
     for _ in range(_PATIENCE):
-        currents = rig.currents(samples)
-        sound = currents[np.isfinite(currents).all(axis=1)]
-        if 2 * len(sound) > samples:
+        sound = most(rig.currents(samples), samples)
+        if sound is not None:
             break
         rig.wait(_BETWEEN)
     else:
         raise MeasurementRefused(RefusalReason.NO_SIGNAL, "most samples of the PSD do not arrive")
     if psd.saturated(sound).any():
         raise MeasurementRefused(RefusalReason.SATURATED, "the PSD is saturated: shade it, or dim the laser")
-    return np.asarray(sound)
+    return sound
+
+
+def most(currents: Matrix, samples: int) -> Matrix | None:
+    """(m, 4) those of so many samples that arrived, if more than half of them did."""
+    sound = currents[np.isfinite(currents).all(axis=1)]
+    return np.asarray(sound) if 2 * len(sound) > samples else None
 
 
 def read_dark(rig: Rig, psd: Psd, samples: int) -> Matrix:
@@ -52,7 +57,11 @@ def read_dark(rig: Rig, psd: Psd, samples: int) -> Matrix:
 
 def read_spot(rig: Rig, psd: Psd, dark: Matrix, samples: int) -> Spot:
     """The laser's spot, without the ambient light."""
-    currents = arrived(rig, psd, samples) - dark
+    return spot_of(psd, arrived(rig, psd, samples) - dark)
+
+
+def spot_of(psd: Psd, currents: Matrix) -> Spot:
+    """By currents (m, 4) of the laser alone."""
     mean = currents.mean(axis=0)
     half = len(currents) // 2
     first, second = currents[:half].mean(axis=0), currents[half:].mean(axis=0)

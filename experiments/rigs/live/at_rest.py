@@ -18,6 +18,7 @@ from ....model.errors import RigFault
 from ....model.kinematics.pendant import Pendant
 from ...procedure.centring import ACCEPTED_MM
 from ...procedure.events import MeasurementRecorded, RunEvent
+from ...procedure.readings import most, spot_of
 from ...sensors.controller_sensors import Sensors
 from ...sensors.psd import BRIGHTEST, WEAKEST
 from ..transport import LinkFault
@@ -133,7 +134,7 @@ def _clock(advanced: float, live: LiveJoints) -> str:
     return f"{advanced:.3g}" if live.ticks is None else f"{advanced / live.ticks:.3g} s"
 
 
-_SAMPLES = 50
+SAMPLES = 50
 _LEFT_MM = 1.0  # a spot that has been this far off has left the centre
 _PAUSE_S = 0.5
 
@@ -166,17 +167,9 @@ class CentredLines:
 
     def _off(self) -> float:
         """mm from the centre; infinite where the light is not the beam's."""
-        psd, samples = self._sensors.psds[self._target], currents_of(self._sensors, self._target)
-        if samples is None or psd.saturated(samples).any():
+        psd = self._sensors.psds[self._target]
+        currents = most(self._sensors.currents(self._target, SAMPLES), SAMPLES)
+        if currents is None or psd.saturated(currents).any():
             return np.inf
-        mean = samples.mean(axis=0) - self._dark
-        if not WEAKEST <= psd.light(mean) <= BRIGHTEST:
-            return np.inf
-        return float(np.linalg.norm(psd.position(mean)))
-
-
-def currents_of(sensors: Sensors, target: str) -> Matrix | None:
-    """(m, 4) the samples that arrived, if more than half of them did."""
-    currents = sensors.currents(target, _SAMPLES)
-    sound = currents[np.isfinite(currents).all(axis=1)]
-    return sound if 2 * len(sound) > _SAMPLES else None
+        spot = spot_of(psd, currents - self._dark)
+        return float(np.linalg.norm(spot.position)) if WEAKEST <= spot.light <= BRIGHTEST else np.inf

@@ -9,6 +9,7 @@ import base64
 import hashlib
 import json
 import socket
+import threading
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -132,6 +133,28 @@ def test_what_never_ends_is_one_error(scheme: str, content: bytes, pause: float,
         url, pendant = f"{scheme}://127.0.0.1:{server.port}", pendant_of(robot_of(scheme))
         with pytest.raises((RigFault, JointsRefused), match="look at the connection"):
             open_joints(url, pendant).take()
+
+
+def test_answers_to_other_requests_that_never_end_are_one_error() -> None:
+    """By UDP: what is no answer to this request is passed over, within the one deadline."""
+    other_answer = b"YERC\x20\x00\x00\x00\x03\x01\x01\xff\0\0\0\x80" + b"9" * 8 + b"\xf5" + bytes(7)
+    over = threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server, bounded_memory():
+        server.bind(("127.0.0.1", 0))
+        server.settimeout(10.0)
+        url, pendant = f"yaskawa://127.0.0.1:{server.getsockname()[1]}", pendant_of(robot_of("yaskawa"))
+
+        def flood() -> None:
+            _, client = server.recvfrom(100)
+            while not over.wait(0.01):
+                server.sendto(other_answer, client)
+
+        thread = threading.Thread(target=flood, daemon=True)
+        thread.start()
+        with pytest.raises((RigFault, JointsRefused), match="look at the connection"):
+            open_joints(url, pendant).take()
+        over.set()
+        thread.join()
 
 
 @pytest.mark.parametrize("content", [frame(0x8A, b"none"), frame(0x01, b""), other("x")])

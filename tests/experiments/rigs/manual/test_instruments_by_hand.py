@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,13 @@ from zerobeam.experiments.procedure.events import (
     GivenUp,
     PostureRequested,
     RunEvent,
+    Stopped,
     Withdrawn,
 )
 from zerobeam.experiments.recording import Answers, RunRequest, record
 from zerobeam.experiments.rigs.manual.line_sources import Lines
 from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.errors import RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.files.shot import Shot
@@ -140,6 +142,33 @@ def test_metres_are_questioned_and_taken_as_such(tmp_path: Path) -> None:
     assert doubts(events) == ["metres", "unreadable", "metres"]
     for shot, other in zip(read_run(tmp_path / "hand.jsonl").shots, (first, second, third), strict=True):
         assert shot.readings["measured_mm"] == pytest.approx(other.readings["measured_mm"], abs=1e-9)
+
+
+@pytest.mark.parametrize("stop", [RigFault("the tracker is lost"), KeyboardInterrupt()])
+def test_a_run_by_hand_that_breaks_off_says_so_and_keeps_what_is_recorded(
+    tmp_path: Path, stop: BaseException
+) -> None:
+    plan = planned("tracker")
+    first, second, third = measured(plan)
+
+    def lines() -> Iterator[str]:
+        yield from (joints(first), numbers(first), joints(second))
+        raise stop
+
+    events: list[RunEvent] = []
+    with pytest.raises(type(stop)):
+        record(
+            plan,
+            tmp_path / "hand.jsonl",
+            RunRequest("manual", answers=Answers(Typed(lines()))),
+            events.append,
+        )
+    assert events[-1] == Stopped(str(stop) or "interrupted")
+    assert [shot.shot for shot in read_run(tmp_path / "hand.jsonl").shots] == [0]
+    rest = [joints(second), numbers(second), joints(third), numbers(third)]
+    ended = typed(tmp_path, plan, rest, resume=True)[-1]
+    assert isinstance(ended, Ended)
+    assert (ended.shots, ended.missing) == ((0, 1, 2), ())
 
 
 @pytest.mark.long
