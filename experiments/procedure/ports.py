@@ -52,7 +52,8 @@ class Ports(ABC):
     A measurement is given up after so many `attempts` that were refused. Where `repeats`, who measures hears
     which measurement contradicts the others. What is known so far is found out after every so many (`every`).
     `seconds` of this session are by phase, empty where nobody measures them; `problem` is the plan's. Every
-    method may raise RigFault, which ends the run. Where nothing has to be done at a port, nothing is.
+    method may raise RigFault, which ends the run. What is not overridden has nothing to do; each set of ports
+    has to say how it stops.
     """
 
     plan: Plan
@@ -94,5 +95,6 @@ class Ports(ABC):
         """Seconds since the start of the run; None where no clock runs."""
         return None
 
-    def stop(self) -> None:  # noqa: B027
+    @abstractmethod
+    def stop(self) -> None:
         """Stop the motion, switch the laser off; safe at any moment, more than once."""

@@ -165,6 +165,9 @@ class HandPorts(Ports):
         assert self._since is not None
         return round(time.monotonic() - self._since, 3)
 
+    def stop(self) -> None:
+        """Who moves the arm stops it."""
+
     def _line(self) -> str:
         line = self.lines.following()
         if line is None:

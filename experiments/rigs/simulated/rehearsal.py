@@ -42,3 +42,6 @@ class Rehearsal(Ports):
 
     def reading(self, number: int) -> Reading:
         return self._shot.readings
+
+    def stop(self) -> None:
+        """Nothing moves."""
