@@ -148,7 +148,7 @@ class AsProgram(LineProgram):
             if literal and name not in self.names.keys:
                 self.names.store(store[1], name)
                 return self._literal(self.file.bare.index(value, pos + len(store[1])), value, name, store[1])
-            self.overwrites(pos, name, store[1])
+            self.names.changed(self, pos, store[1])
             return self.moves(pos, self._goals(pos, value) if value else [])
         return self.names.used(self, pos, re.sub(r"^[ \t]*[\w.]+", "", text))
 

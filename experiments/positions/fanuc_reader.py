@@ -8,7 +8,7 @@ from ...model.kinematics.orientation import from_rpy
 from .position import BackupReading, What, pose_of
 from .position_names import PositionNames
 from .script import LineProgram
-from .statement_text import NUMBER
+from .statement_text import NUMBER, split_arguments
 
 _M = re.MULTILINE
 _POINT = re.compile(r"^[ \t]*P\[[ \t]*(?P<number>\d+)[^\]\n]*\][ \t]*\{(?P<block>[^{}]*)\}[ \t]*;", _M)
@@ -24,7 +24,7 @@ _GOAL = re.compile(r"\bP(R?)\[\s*(?:GP\d+\s*:\s*)?(\d+)?[^\]]*\]")
 _OFFSET = re.compile(r"\b(?:Tool_)?Offset(?:\s*,\s*PR\[\s*(?:GP\d+:)?(\d+)?[^\]]*\])?", re.IGNORECASE)
 _RUN_TIME = re.compile(r"\b(?:UFRAME|UTOOL)\[.*?\]\s*=|\$MNU(?:FRAME|TOOL)\b.*?=|\bRTCP\b|\bCOORD\b")
 _JUMP = re.compile(r"\s*(?:LBL|JMP|IF|SELECT|FOR|ENDFOR|ELSE|ENDIF|SKIP)\b|.*\bJMP\b")
-_ASSIGNED = re.compile(r"\s*P(R?)\[\s*(?:GP1\s*:\s*)?(\d+)?[^\]]*\]\s*=")
+_ASSIGNED = re.compile(r"\s*P(R?)\[\s*(?:GP1\s*:\s*)?(\d+)?[^\]]*\]+\s*=")
 
 
 def read_fanuc(reading: BackupReading) -> None:
@@ -125,14 +125,16 @@ class FanucFile(LineProgram):
 
     def statement(self, pos: int, text: str) -> None:
         if re.match(r"\s*(?:!|//|--)", text):
-            return
+            return None
         if (run_time := _RUN_TIME.search(text)) is not None:
             self.refuse(pos, f"{run_time[0]}: tools, frames or work are moved when the program runs")
         if re.match(r"\s*[JLCAS]\s+P(?:R?)\[", text):
-            self._motion(pos, text)
-        elif (assigned := _ASSIGNED.match(text)) is not None:
-            label = f"P{assigned[1]}[{assigned[2] or '…'}]"
-            self.overwrites(pos, label if assigned[1] else f"{self.file.name}:{label}", label)
+            return self._motion(pos, text)
+        *_, (_, done) = split_arguments(text) if re.match(r"\s*IF\b", text) else [(0, text)]
+        if (assigned := _ASSIGNED.match(done)) is not None:
+            name = f"P{assigned[1]}[{assigned[2]}]" if assigned[2] else f"P{assigned[1]}["
+            self.overwrites(pos, name if assigned[1] else f"{self.file.name}:{name}", assigned[0][:-1].strip())
+        return None
 
     def _motion(self, pos: int, body: str) -> None:
         goals: list[str] = []

@@ -57,7 +57,7 @@ def _read(every: re.Pattern[str], *entries: re.Pattern[str]) -> Callable[[Backup
             for match in _LISTED.finditer(file.bare):
                 places = range(*match.span("values"))
                 if starts.isdisjoint(places) and _is_computed(match["values"]):
-                    reading.made.append((file.line(places.start), match["name"]))
+                    reading.made.append((file, file.line(places.start), match["name"]))
                     starts |= {*places}
             for match in every.finditer(file.bare):
                 start = match.end("values") - len(match["values"].lstrip())

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 
 from ...model.kinematics.orientation import from_abc
 from .position import BackupReading, FileReading, SourceFile, What, pose_of, what_of
-from .position_names import PositionNames
+from .position_names import SharedNames, stem_of
 from .script import LineProgram
 from .statement_text import NUMBER, split_arguments
 
@@ -24,13 +25,14 @@ _FDAT = re.compile(r"\b(\w+)\s*=\s*\{[^{}]*?\bTOOL_NO\s+(-?\d+)\s*,\s*BASE_NO\s+
 _REMOTE = re.compile(r"(?:IPO_FRAME\s+|IPO_MODE\s*=\s*)#TCP\b", _I)
 _MOVE = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC|SPL|ASYPTP)(_REL)?\b\s*(?P<goals>.*)", _I)
 _END = re.compile(r"\s+(?:C_PTP|C_DIS|C_VEL|C_ORI|C_SPL|WITH)\b.*", _I)
-_SET = re.compile(r"\s*(?:\$(TOOL|BASE)\s*=|BAS\s*\(\s*#(TOOL|BASE)\s*,)\s*(.*?)\s*\)?\s*", _I)
+_SET = re.compile(r"\s*(?:\$(TOOL|BASE)(?:\.\w+)?\s*=|BAS\s*\(\s*#(TOOL|BASE)\s*,)\s*(.*?)\s*\)?\s*", _I)
 _JUMP = re.compile(
     r"\s*(?:(?:IF|ELSE|SWITCH|CASE|LOOP|WHILE|REPEAT|FOR|GOTO|INTERRUPT|RESUME)\b|\w+:\s*$)", _I
 )
-_ASSIGNED = re.compile(r"\s*([A-Z_]\w*(?:\[[^\]]*\])?)((?:\.\w+)*)\s*=(?!=)\s*(.*?)\s*", _I)
+_ASSIGNED = re.compile(r"\s*([A-Z_]\w*(?:\[[^\]]*\])?)((?:\s*\.\s*\w+)*)\s*=(?!=)\s*(.*?)\s*", _I)
+_FRAME_DATA = re.compile(r"(?:TOOL|BASE)_(?:DATA|TYPE)\b", _I)
 _ADDED = re.compile(rf"(\w+)\.([XYZ])\s*([-+])\s*({NUMBER})", _I)
-_NAME = re.compile(r"[A-Z_]\w*(?:\[\s*\d+\s*\])?", _I)
+_NAME = re.compile(r"[A-Z_]\w*(?:\[[^\[\]]*\])?", _I)
 _BEGIN = re.compile(r"^[ \t]*DEFDAT\b", _I | re.MULTILINE)
 _END_OF_LIST = re.compile(r"^[ \t]*ENDDAT\b", _I | re.MULTILINE)
 _ROUTINE = re.compile(r"\s*(?:GLOBAL\s+)?DEF(?:FCT)?\b", _I)
@@ -42,8 +44,12 @@ def read_krl(reading: BackupReading) -> None:
     files = [file for file in reading.files if file.stem in ("$config", "$machine") or file.stem[:1] != "$"]
     for file in files:
         KrlData(file, reading).read()
-    names = KrlNames(_NAME, {one.name: [one.name] for one in reading.positions})
-    names.frames = {
+    keys = {one.name: [one.name] for one in reading.positions}
+    lists: dict[str, list[str]] = {}
+    for key in sorted(keys):
+        scope, _, name = key.rpartition(":")
+        lists.setdefault(stem_of(name), []).append(scope)
+    frames = {
         f"{_scope(file)}:{fdat[1]}".lower(): (fdat[2], fdat[3])
         for file in files
         for fdat in _FDAT.finditer(file.bare)
@@ -52,7 +58,7 @@ def read_krl(reading: BackupReading) -> None:
         lines = list(re.finditer(r"[^\n]+", file.bare)) if file.suffix != ".dat" else []
         starts = [i for i, line in enumerate(lines) if _ROUTINE.match(line[0])]
         for begin, end in zip(starts, [*starts[1:], len(lines)], strict=False):
-            routine = KrlRoutine(file, reading, names)
+            routine = KrlRoutine(file, reading, KrlNames(_NAME, keys, _scope(file).lower(), lists, frames))
             routine.prepare([(line.start(), line[0]) for line in lines[begin:end]])
             routine.run()
 
@@ -61,16 +67,18 @@ def _scope(file: SourceFile) -> str:
     return "" if file.stem == "$config" else str(PurePosixPath(file.name).with_suffix(""))
 
 
-class KrlNames(PositionNames):
-    """Names of a program's own data list, else of another; `frames` are tool and base of FDAT by these."""
+@dataclass
+class KrlNames(SharedNames):
+    """Names of a program's own data list, else of another; `frames` are tool and base of FDAT by these,
+    `lists` those that have a name or an array."""
 
-    frames: Mapping[str, tuple[str, str]]
+    lists: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    frames: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
-    def of(self, file: SourceFile, name: str) -> list[str]:
-        plain = self.plain(name)
-        local = f"{_scope(file)}:{plain}".lower()
-        every = [key for key in (local, *sorted(self.keys)) if key in self.keys and key.endswith(f":{plain}")]
-        return every[:1] or [local]
+    def plain(self, name: str) -> str:
+        plain, own = super().plain(name), self.scope or ""
+        lists = self.lists.get(stem_of(plain), ())
+        return f"{own if own in lists or not lists else lists[0]}:{plain}"
 
 
 class KrlData(FileReading):
@@ -143,18 +151,21 @@ class KrlRoutine(LineProgram):
         assigned = _ASSIGNED.fullmatch(text)
         if (move := _MOVE.fullmatch(text)) is not None:
             self._motion(pos, move)
-        elif assigned is not None and not assigned[3].startswith("{"):
+        elif assigned is None:
+            self.names.used(self, pos, text)
+        elif not assigned[3].startswith("{"):
             self._assigned(pos, assigned)
 
     def _assigned(self, pos: int, assigned: re.Match[str]) -> None:
-        names, stored = self.names, self.names.keys
-        (key,) = names.of(self.file, assigned[1])
-        sources = {name for word in _NAME.findall(assigned[3]) for name in names.of(self.file, word)}
-        if key in stored or (not assigned[2] and sources & set(stored)):
-            self.overwrites(pos, key, assigned[1])
+        name, stored = self.names.plain(assigned[1]), self.names.keys
+        if _FRAME_DATA.match(assigned[1]) or name in self.names.frames:
+            return self.refuse(pos, f"{assigned[1]} is set when the program runs")
+        if name in stored or self.names.elements(assigned[1]) or (not assigned[2] and self.names.stored_in(assigned[3])):
+            self.names.changed(self, pos, assigned[1])
         elif (added := _ADDED.fullmatch(assigned[3])) is not None:
             offset = [float(added[3] + added[4]) * (axis == added[2].upper()) for axis in "XYZ"]
             self.relative(pos, f"{added[1]}: {assigned[3]}", (), offset, "frame")
+        return None
 
     def _motion(self, pos: int, move: re.Match[str]) -> None:
         values = {key.upper(): float(value) for key, value in _FIELD.findall(move["goals"])}
@@ -170,8 +181,6 @@ class KrlRoutine(LineProgram):
             if word.startswith("{"):
                 start = self.file.bare.index("{", pos + move.start("goals") + at)
                 goals += self.names.keys.get(f"{_scope(self.file)}:{start + 1}".lower(), [])
-            elif _NAME.fullmatch(word):
-                goals += self.names.of(self.file, word)
             elif not re.fullmatch(r"CA\s.*|\$(?:AXIS|POS)_ACT", word, _I):
-                self.computed(pos, word)
+                goals += self.names.goals(self, pos, word)
         return self.goes(pos + move.start(1), goals)

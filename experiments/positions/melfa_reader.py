@@ -108,9 +108,7 @@ class MelfaProgram(LineProgram):
             return self.goes(pos, goals)
         if (store := _STORES.fullmatch(text)) is not None:
             label = f"{store[1]}{store[2]}"
-            if store[2] and not re.fullmatch(r"\([\d,]+\)", self.names.plain(store[2])):
-                return self.refuse(pos, f"{label}: which position is overwritten is not known")
-            self.overwrites(pos, self.names.of(self.file, label)[0], label)
+            self.names.changed(self, pos, label)
             return self.moves(pos, self._goals(pos + store.start(3), store[3].strip()))
         return self.names.used(self, pos, text)
 

@@ -133,8 +133,8 @@ class Statement:
 
 @dataclass(frozen=True)
 class DoubtfulLine:
-    """A line that a person must look at. `name` is the position that an `offset` (x, y, z, mm) is added to,
-    in the axes of its frame or of the tool there; `offset` None: not in numbers."""
+    """A line that a person must look at. `name` is the position that it uses, and that an `offset` (x, y, z,
+    mm) is added to, in the axes of its frame or of the tool there; `offset` None: not in numbers."""
 
     file: SourceFile
     line: int
@@ -169,7 +169,7 @@ class BackupReading:
     doubtful: list[DoubtfulLine] = field(default_factory=list)
     refused: list[RefusedLine] = field(default_factory=list)
     overwritten: list[tuple[SourceFile, int, str, str]] = field(default_factory=list)
-    made: list[tuple[int, str]] = field(
+    made: list[tuple[SourceFile, int, str]] = field(
         default_factory=list
     )  # line and label of what is computed, used or not
     added: set[str] = field(default_factory=set)  # registers that statements add to places
@@ -177,22 +177,31 @@ class BackupReading:
     model: tuple[SourceFile, int, str] | None = None
 
     def of(self, names: Sequence[str]) -> BackupReading:
-        """What is found in these files, with the tools and frames of all."""
+        """What is found in these files, with the tools and frames of all, and what all do with positions of
+        these."""
+        positions = [one for one in self.positions if one.file.name in names]
+        stored = {one.name for one in positions}
+        others = [one for one in self.statements if one.file.name not in names and stored & {*one.names}]
         return replace(
             self,
-            positions=[one for one in self.positions if one.file.name in names],
-            statements=[one for one in self.statements if one.file.name in names],
-            doubtful=[one for one in self.doubtful if one.file.name in names],
+            positions=positions,
+            statements=[
+                *(one for one in self.statements if one.file.name in names),
+                *(replace(one, names=tuple(name for name in one.names if name in stored)) for one in others),
+            ],
+            doubtful=[one for one in self.doubtful if one.file.name in names or one.name in stored],
             refused=[one for one in self.refused if one.file.name in names],
-            overwritten=[one for one in self.overwritten if one[0].name in names],
+            overwritten=[one for one in self.overwritten if one[0].name in names or one[2] in stored],
+            made=[one for one in self.made if one[0].name in names],
         )
 
     def computed(self) -> list[tuple[int, str]]:
         """Line and label of the places that are known when a program runs, not before."""
         stored = {one.name for one in self.positions}
         doubts = [one.line for one in self.doubtful if one.kind in ("computed", "relative")]
+        made = [(line, label) for _, line, label in self.made]
         assigned = [(line, label) for _, line, name, label in self.overwritten if name not in stored]
-        return [*((line, f"line {line}") for line in doubts), *self.made, *assigned]
+        return [*((line, f"line {line}") for line in doubts), *made, *assigned]
 
     def finished(self) -> BackupReading:
         """What follows of names: stored elsewhere, overwritten, with several tools or frames. Each position
@@ -204,6 +213,11 @@ class BackupReading:
                 self.refused.append(
                     RefusedLine(file, line, f"the program overwrites the stored position {label}")
                 )
+            elif name.endswith("[") and any(each.startswith(name) for each in stored):
+                sentence = f"{label}: which position is overwritten is not known before it runs"
+                self.refused.append(RefusedLine(file, line, sentence))
+            elif any((what, name) in self.frames for what in WHAT):
+                self.refused.append(RefusedLine(file, line, f"{label} is set when the program runs"))
             else:
                 sentence = f"{label} is computed when the program runs"
                 self.doubtful.append(DoubtfulLine(file, line, "computed", sentence))
@@ -324,9 +338,9 @@ class FileReading:
             sentence = "the file is not whole: a module, routine or block has no end"
             self.unread(len(self.file.bare), sentence)
 
-    def doubt(self, pos: int, kind: Doubt, sentence: str) -> None:
+    def doubt(self, pos: int, kind: Doubt, sentence: str, name: str | None = None) -> None:
         """A line that a person must look at."""
-        self.reading.doubtful.append(DoubtfulLine(self.file, self.file.line(pos), kind, sentence))
+        self.reading.doubtful.append(DoubtfulLine(self.file, self.file.line(pos), kind, sentence, name))
 
     def computed(self, pos: int, text: str) -> None:
         """A goal that is known when the program runs."""
@@ -388,7 +402,8 @@ AT_RUN_TIME = "?"  # a name that is no name: which one is known when the program
 @dataclass(frozen=True)
 class JointLanguage:
     """How positions of a language are read: `read` adds to a BackupReading; joints are in `unit`. `remark` is
-    the pattern of its remarks."""
+    the pattern of its remarks, `beside` that of the names of files in a folder that say what the tools and
+    frames of one are, or what happens to its positions."""
 
     name: str
     vendor: Vendor
@@ -397,6 +412,13 @@ class JointLanguage:
     _: KW_ONLY
     remark: str = "(?!)"
     unit: PendantUnit = "deg"
+    beside: str = "(?!)"
+
+    def together(self, name: str, chosen: str) -> bool:
+        """Whether a file of a folder is read with one that was chosen."""
+        ours = name.rpartition(".")[2].lower() in {ending[1:] for ending in self.endings}
+        same = name.rpartition(".")[0].lower() == chosen.rpartition(".")[0].lower()
+        return ours and (same or re.fullmatch(self.beside, name, re.IGNORECASE) is not None)
 
 
 class NotConvertible(Exception):
@@ -424,8 +446,7 @@ class PositionLanguage(JointLanguage):
     `up` and `by_joint2` are as of `Branches`. `null` are names of the tool and frame that are none; `form`
     shows what a pose is in options. `padded`: a number stands in the room of the old one, blanks before it
     included. `unpublished`: which joints its words for a configuration stand for is not. `mark` tells that a
-    text is of the language, `beside` is the pattern of names of files that say what the tools and frames of
-    others are.
+    text is of the language.
     """
 
     pose: Callable[[Sequence[float]], Matrix]
@@ -441,7 +462,6 @@ class PositionLanguage(JointLanguage):
     unpublished: bool = False
     case_sensitive: bool = False
     mark: str = "(?!)"
-    beside: str = "(?!)"
 
     def pose_numbers(self, pose: Matrix) -> Sequence[float]:
         """The reverse of `pose`."""

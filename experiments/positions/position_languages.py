@@ -123,7 +123,7 @@ FANUC = PositionLanguage(
     configuration=_fanuc,
     padded=True,
     mark=r"^/PROG\b|\$POSREG\b|\$MNU(?:FRAME|TOOL)\b",
-    beside=r"sysframe\.va",
+    beside=r"sysframe\.va|.*\.ls",
 )
 
 
@@ -172,6 +172,7 @@ SPEL = PositionLanguage(
     matches=_within_half_a_turn,
     by_joint2=True,
     unpublished=True,
+    beside=r".*",
     mark=r"^[ \t]*Function[ \t]+\w+|^[ \t]*Point\d+[ \t]*\{|^nNumberOfPoints=",
 )
 MELFA = PositionLanguage(
@@ -210,6 +211,7 @@ VAL3 = PositionLanguage(
     matches=_is_staubli,
     null=frozenset({"world[0]", "flange[0]"}),
     by_joint2=True,
+    beside=r".*",
     mark=r"<(?:Database|dataList)\b",
 )
 DRL = PositionLanguage(

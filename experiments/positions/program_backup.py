@@ -53,11 +53,14 @@ def read_backup(path: Path, vendor: str | None = None) -> Backup:
         chosen = tuple(content)
     else:
         require_regular(path)
-        beside = _folder(path.parent, deep=False)
-        content = {name: each for name, each in beside.items() if _together(name, path.name)}
+        content = _folder(path.parent, deep=False)
         chosen = tuple(name for name in content if Path(name).stem.lower() == path.stem.lower())
     language = _language_of(path, {name: content[name] for name in chosen}, vendor)
-    content = {name: each for name, each in content.items() if _ending(name) in language.endings}
+    content = {
+        name: each
+        for name, each in content.items()
+        if (_ending(name) in language.endings if name in chosen else language.together(name, path.name))
+    }
     return Backup(path, language, content, reading_of(language, content, chosen), chosen)
 
 
@@ -152,13 +155,6 @@ def _archive(path: Path) -> dict[str, bytes]:
 
 def _ending(name: str) -> str:
     return Path(name).suffix.lower()
-
-
-def _together(name: str, chosen: str) -> bool:
-    """Whether a file of a folder belongs to one that was named, or says what tools and frames are."""
-    return Path(name).stem.lower() == Path(chosen).stem.lower() or any(
-        re.fullmatch(language.beside, name, re.IGNORECASE) for language in LANGUAGES
-    )
 
 
 def _language_of(path: Path, content: dict[str, bytes], vendor: str | None) -> PositionLanguage:

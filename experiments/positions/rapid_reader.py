@@ -37,6 +37,7 @@ _SHIFTED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", re.IGNORECASE)
 _ADDED = re.compile(r"(Offs|RelTool)\s*\(\s*(\w+(?:\s*\{[^}]*\})?)\s*,(.*)\)", re.IGNORECASE | re.DOTALL)
 _ASSIGNED = re.compile(r"(?<![\w.\\])([A-Za-z]\w*)\s*(?:\{[^{}]*\})?(?:\.\w+)*\s*:=")
 _WORD = re.compile(r"[A-Za-z]\w*")
+_CALL = re.compile(r"\s*[A-Za-z]\w*\s+(?!:=)[^:]*")
 _SWITCH = re.compile(r"^(\s*\\\w+)+\s*(?::=.*)?")
 
 
@@ -124,9 +125,10 @@ class RapidModule(FileReading):
             return self._motion(text[move.start() :], start + move.start())
         for literal in _LITERAL.finditer(text):
             self.refuse(start + literal.start(), "it is not said what this position is for")
+        used = ("target", "data") if _CALL.match(text) else ("target",)  # a procedure may change its arguments
         for word in _WORD.finditer(_ASSIGNED.sub(lambda assigned: " " * len(assigned[0]), text)):
-            if self.kinds.get(self._name(word[0]), "").endswith("target"):
-                self.doubt(start + word.start(), "call", f"{word[0]} is used by this statement")
+            if self.kinds.get(name := self._name(word[0]), "").endswith(used):
+                self.doubt(start + word.start(), "call", f"{word[0]} is used by this statement", name)
         return None
 
     def _motion(self, text: str, start: int) -> None:

@@ -165,19 +165,18 @@ class Script(LineProgram):
             self.joints = self.takes_joints(move)
             self.motion(pos + move.start(), move, arguments)
         assign = self.assign.fullmatch(text)
-        if assign is None and not moves and not self.jump.match(text):
+        if assign is None and not moves and self.jump.match(text):
+            self.names.used(self, pos, text)
+        elif assign is None and not moves:
             self.other(pos, text)
         elif assign is not None and not moves:
             name, plain, value = assign["name"], self.names.plain(assign["name"]), assign["value"].strip()
             fixed = self.literal.fullmatch(value) is not None and not assign["index"]
             if not fixed and (self.begin.match(value) or self.names.stored_in(value)):
-                self.reading.made.append((self.file.line(pos), name))
-            if re.search(r"[\[(].*[a-z_]", plain) and plain not in self.names.keys:
-                sentence = f"{name}: which position is overwritten is not known before it runs"
-                self.refuse(pos, sentence)
-            elif not fixed and (plain in self.names.keys or plain in self.kinds):
-                self.overwrites(pos, self.names.of(self.file, name)[0], name)
-            self.names.used(self, pos, assign["value"])
+                self.reading.made.append((self.file, self.file.line(pos), name))
+            if not fixed and (plain in self.names.keys or plain in self.kinds or self.names.elements(name)):
+                self.names.changed(self, pos, name)
+            self.names.used(self, pos, assign["index"] + assign["value"])
 
     def goal(self, pos: int, text: str) -> list[str]:
         """The names of a goal of a motion."""

@@ -24,6 +24,7 @@ _FUNCTION = re.compile(r"^[ \t]*Function\b.*?^[ \t]*Fend\b", _I | _M | re.DOTALL
 _MOVE = re.compile(r"(?:^|[ \t:])(Go|Move|Jump|Jump3|Jump3CP|Arc|Arc3|CVMove|Pass)[ \t]+([^\r\n]+)", _I)
 _STEP = re.compile(r"(?:^|[ \t:])(TGo|TMove|BGo|BMove|PTran)[ \t]+([^\r\n]+)", _I)
 _REFUSED = re.compile(r"[ \t]*(Pulse[ \t]+\S|Local[ \t]+\w|Base[ \t]+\w|LocalClr|Hofs|Calib|Teach)", _I)
+_MOVED = re.compile(r"[ \t]*(ImportPoints|PDel|ClearPoints)\b", _I)
 _TOOL = re.compile(r"[ \t]*Tool[ \t]+(\d+)?", _I)
 _TLSET = re.compile(r"[ \t]*TLSet[ \t]+(\d+)[ \t]*,[ \t]*XY[ \t]*\(([^()]*)\)[ \t]*", _I)
 _JUMP = re.compile(r"[ \t]*(?:If|Else\w*|For|Do|Loop|While|Select|Case|GoTo|\w+:)(?:\b|$)", _I)
@@ -64,6 +65,11 @@ class SpelNames(SharedNames):
     def plain(self, name: str) -> str:
         name = re.sub(r"p\((\d+)\)", r"p\1", super().plain(name))
         return f"p{int(name[1:])}" if re.fullmatch(r"p\d+", name) else name
+
+    def elements(self, text: str) -> list[str] | None:
+        if not re.fullmatch(r"p(?:\(.*)?", self.plain(text), re.DOTALL):
+            return super().elements(text)
+        return sorted(key for name, keys in self.keys.items() if re.fullmatch(r"p\d+", name) for key in keys)
 
 
 def _points(here: FileReading, names: SharedNames) -> None:
@@ -133,13 +139,10 @@ class SpelFunction(LineProgram):
             axes: What = "frame" if step[1][0] in "bB" else "tool"
             return self.relative(pos, step[1], (), _step(step[2]), axes)
         if (store := _STORES.match(text)) is not None:
-            name = self.names.plain(store[1])
-            if name.startswith("p("):
-                return self.refuse(pos, f"{store[1]}: which point is overwritten is not known before")
-            if name in self.names.keys or re.fullmatch(r"p\d+", name):
-                for each in self.names.of(self.file, name):
-                    self.overwrites(pos, each, store[1])
-                return None
+            if (name := self.names.plain(store[1])) in self.names.keys or re.match(r"p[\d(]", name):
+                return self.names.changed(self, pos, store[1])
+        if (moved := _MOVED.match(text)) is not None:
+            return self.doubt(pos, "elsewhere", f"{moved[1]} changes points when the program runs")
         return self.names.used(self, pos, text)
 
     def _goal(self, pos: int, goal: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_xyz
 from .position import FileReading, SourceFile, What, pose_of
-from .position_names import PositionNames
+from .position_names import PositionNames, stem_of
 from .statement_text import NUMBER, Span
 
 _ROOTS = ("world[0]", "flange[0]")
@@ -77,7 +77,7 @@ def read_data(here: FileReading, names: Val3Names) -> None:
     poses = {names.plain(one.name): one for one in data if one.kind in ("tool", "frame")}
     for one in data:
         _datum(here, one, poses, names)
-    names.kinds |= {names.plain(one.name): one.kind for one in data if one.kind}
+    names.kinds |= {stem_of(names.plain(one.name)): one.kind for one in data if one.kind}
 
 
 def _datum(here: FileReading, one: _Datum, poses: dict[str, _Datum], names: Val3Names) -> None:

@@ -6,6 +6,7 @@ import re
 from xml.etree import ElementTree
 
 from .position import BackupReading, FileReading, What
+from .position_names import stem_of
 from .script import Lines, Script
 from .statement_text import NUMBER, arguments_of
 from .val3_data import Val3Names, read_data
@@ -37,7 +38,7 @@ def read_val3(reading: BackupReading) -> None:
             program.scan(*code.span(2))
             program.run()
         for local in re.finditer(r"<(?:Local|Parameter|local|param)\b[^>]*?\bname=[\"'](\w+)", file.text):
-            if f"{local[1].lower()}[0]" in names.kinds:
+            if local[1].lower() in names.kinds:
                 sentence = f"{local[1]} hides the data of this name"
                 FileReading(file, reading).refuse(local.start(), sentence)
 
@@ -67,7 +68,7 @@ class Val3Program(Script):
 
     def statement(self, pos: int, text: str) -> None:
         assign = self.assign.fullmatch(text)
-        if assign is not None and self.names.kinds.get(self.names.plain(assign["name"])) in ("tool", "frame"):
+        if assign is not None and self.names.kinds.get(stem_of(self.names.plain(assign["name"]))) in ("tool", "frame"):
             return self.refuse(pos, f"{assign['name']} is set when the program runs")
         if assign is not None and self.names.plain(assign["name"]) in self.names.keys:
             key = self.names.of(self.file, assign["name"])[0]
