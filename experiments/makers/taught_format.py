@@ -12,7 +12,7 @@ class TaughtPoint(NamedTuple):
 
     `number` is that of the posture of a plan, where a program of zerobeam recorded the point. `unread` says
     why it is not understood, `left_out` why it is none to measure at unless it is named; `external`: it has
-    other axes besides that are not at 0.
+    other axes besides that are not at 0. `changed` is where a program overwrites it.
     """
 
     name: str
@@ -22,6 +22,7 @@ class TaughtPoint(NamedTuple):
     unread: str = ""
     left_out: str = ""
     external: bool = False
+    changed: str = ""
 
 
 Points = Callable[[str, list[TaughtPoint]], list[TaughtPoint]]

@@ -19,6 +19,7 @@ from ...model.parsing.reading import read_other_text, unknown_name
 from ..positions.joint_lists import JOINT_LIST, SLIM, TMSCRIPT
 from ..positions.position import BackupReading, JointLanguage, SourceFile, TaughtPosition
 from ..positions.position_languages import LANGUAGES
+from ..positions.program_backup import together
 from .import_jobs import FileMeasurements, Imported, ImportJob, without_unused
 from .joint_text import PLAN_LINE, require_same_plan, required_plan
 from .taught_format import TaughtFormat, TaughtPoint
@@ -46,12 +47,16 @@ def written_points(
     """
     language = _LANGUAGES[taught.language]
     name = path.name if path.suffix.lower() in language.endings else f"{path.name}{language.endings[0]}"
-    reading = BackupReading([SourceFile(name, text, language.remark)])
+    texts = {each: content.decode("latin-1") for each, content in together(path, language).items()}
+    texts[name] = text
+    reading = BackupReading([SourceFile(each, of, language.remark) for each, of in texts.items()])
     language.read(reading)
-    points = []
+    reading, points = reading.of([name]), []
     for one in reading.positions:
         joints = one.values if one.kind == "joints" else posed(one)
-        points.append(TaughtPoint(one.label, joints, one.line, external=one.external))
+        places = reading.changes(one.name)
+        changed = f"overwritten when the program runs ({places[0]})" if places else ""
+        points.append(TaughtPoint(one.label, joints, one.line, external=one.external, changed=changed))
         if one.axes != tuple(range(len(one.axes))):
             points[-1] = points[-1]._replace(unread=f"{one.label} does not state all joints")
     for line in reading.refused:
@@ -130,8 +135,10 @@ def import_taught(
         written = taught.recorded(text, written)
         ours = [(point, match) for point in written if (match := POSTURE.fullmatch(point.name))]
         numbered = any(point.number is not None for point in written)
-        if numbered or not (ours or (written and PLAN_LINE.search(text))):
+        if numbered:
             return written
+        if not (ours or (written and PLAN_LINE.search(text))):
+            return [point._replace(left_out=point.left_out or point.changed) for point in written]
         plan = required_plan(job, path)
         if not ours:
             return written
@@ -146,7 +153,7 @@ def import_taught(
             )
         digit = 10.0**-taught.digits / np.abs(per_degree)
         measured = [
-            point._replace(number=int(match[2]))
+            point._replace(number=int(match[2]), changed="")
             for point, match in ours
             if match[1].lower() == recorded and not _as_planned(digit, plan, point, int(match[2]))
         ]
@@ -207,6 +214,7 @@ def import_points(
                 f"  note: external axes are not at 0 in {', '.join(external)}, and are ignored: they must"
                 " carry neither the arm nor the target"
             )
+        notes += [f"  note: {point.name} is as stored: {point.changed}" for point in points if point.changed]
         numbers = [point.number for point in points]
         keys = {"target": [target] * len(points), "shot": None if None in numbers else numbers}
         return FileMeasurements(path, "point", joints, keys, [point.line for point in points], notes)

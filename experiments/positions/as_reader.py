@@ -8,16 +8,14 @@ from collections.abc import Sequence
 from ...model.kinematics.orientation import from_zyz
 from .position import WHAT, BackupReading, FileReading, What, pose_of, what_of
 from .position_names import SharedNames
-from .script import LineProgram, Lines
-from .statement_text import NUMBER, numbers_in, split_arguments, values_in
+from .script import LineProgram
+from .statement_text import NUMBER, Lines, numbers_in, parts_of, values_in
 
 _I = re.IGNORECASE
 _SECTION = re.compile(r"\.([A-Z][A-Z0-9_]*)(?:[ \t].*|[ \t]*)", _I)
 _INDEX = r"(?:\[[^\]]*\])?"
 _ENTRY = re.compile(
-    rf"[ \t]*(?P<name>#?[\w.$]+{_INDEX})[ \t]+"
-    rf"(?P<values>{NUMBER}(?:(?:[ \t]*,[ \t]*|[ \t]+){NUMBER})*)[ \t]*",
-    _I,
+    rf"[ \t]*(?P<name>#?[\w.$]+{_INDEX})[ \t]+(?P<values>{NUMBER}(?:[ \t]*[, \t][ \t]*{NUMBER})*)[ \t]*", _I
 )
 _SYSTEM = re.compile(rf"(TOOL|BASE)((?:[ \t]+{NUMBER}){{6}})[ \t]*", _I)
 _MODEL = re.compile(r"^ZROBOT\.TYPE\b[^\n]*?[ \t]([A-Z]{2}\w+-\w+)", re.MULTILINE)
@@ -30,11 +28,12 @@ _SETS = re.compile(r"^[ \t]*(TOOL|BASE)[ \t]+(?![-+.\d \t])", _I | re.MULTILINE)
 _JUMP = re.compile(
     r"[ \t]*(?:IF|ELSE|ELSEIF|FOR|WHILE|DO|UNTIL|CASE|VALUE|ANY|GOTO|\w+:)(?:[ \t]|$)|.*\bGOTO\b", _I
 )
-_STORES = re.compile(rf"[ \t]*(?:POINT(?:/\w+)?|HERE)[ \t]+([#.]*[\w.]+{_INDEX})(?:[ \t]*=[ \t]*(.*))?", _I)
+_STORES = re.compile(
+    rf"[ \t]*(?:POINT(?:/\w+)?|HERE)[ \t]+([#.]*[\w.]+{_INDEX})(?:[ \t]*=[ \t]*(.*?))?[ \t]*", _I
+)
 _NAME = re.compile(rf"#?[.&]*[A-Z_][\w.]*{_INDEX}", _I)
 _VALUES = rf"[ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*[ \t]*"
-_LITERAL = re.compile(rf"#\[{_VALUES}\]|(?:#PPOINT|TRANS)[ \t]*\({_VALUES}\)", _I)
-_TRANS = re.compile(rf"TRANS[ \t]*\(([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER}){{5}})[ \t]*\)", _I)
+_NUMBERS = re.compile(rf"{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*")
 
 
 def read_as(reading: BackupReading) -> None:
@@ -77,10 +76,10 @@ def _entry(here: FileReading, pos: int, text: str, joints: bool, names: SharedNa
         return here.unread(pos, "this position is not understood")
     spans, label = numbers_in(entry["values"], pos + entry.start("values")), entry["name"]
     name = names.plain(label)
-    if len(spans) >= 6:
-        if name in names.keys:
-            here.refuse(pos, f"{label} is listed twice: convert one saved file alone")
-        names.keys[name] = [name]
+    if len(spans) >= 6 and name in names.keys:
+        here.refuse(pos, f"{label} is listed twice: convert one saved file alone")
+    elif len(spans) >= 6:
+        names.store(label, name)
     return here.six(pos, name, label, spans, joints=joints, register=not joints)
 
 
@@ -88,6 +87,9 @@ class AsProgram(LineProgram):
     """A program, with the names of all files."""
 
     jump = _JUMP
+    literal = re.compile(
+        rf"(?:(?P<square>#\[)|(?:#PPOINT|TRANS)[ \t]*\()(?P<numbers>{_VALUES})(?(square)\]|\))", _I
+    )
 
     def look(self, pos: int, text: str) -> None:
         if (put := _SET.fullmatch(text)) is not None:
@@ -99,9 +101,10 @@ class AsProgram(LineProgram):
         name = self.names.plain(text)
         if name == "null":
             return name
-        if (literal := _TRANS.fullmatch(text)) is not None:
+        literal = self.literal.fullmatch(text)
+        if literal is not None and text[0] != "#" and literal["numbers"].count(",") == 5:
             name, _ = self.inline(pos)
-            self.frame(pos, what, name, pose_of(from_zyz, values_in(literal[1])))
+            self.frame(pos, what, name, pose_of(from_zyz, values_in(literal["numbers"])))
             return name
         self.added(name)
         poses = [one for one in self.reading.positions if one.name == name and one.kind == "cartesian"]
@@ -116,54 +119,48 @@ class AsProgram(LineProgram):
         of = (self.active.at(what, pos) or (None if what in sets else "sysdata") for what in WHAT)
         self.moves(pos, names, *of)
 
+    def is_joints(self, literal: re.Match[str]) -> bool:
+        return literal[0].startswith("#")
+
     def statement(self, pos: int, text: str) -> None:
         if _SET.fullmatch(text):
             return None
         if (shape := _SHAPE.match(text)) is not None:
             return self.refuse(pos, f"{shape[1]} changes the configuration of the next motion")
+        if re.match(r"[ \t]*HOME[2-9]?\b", text, _I):
+            return self.doubt(pos, "elsewhere", "HOME is stored in the controller: teach it again")
         if (block := _BLOCK.match(text)) is not None:
-            self._goals(pos, block[1])
+            self.goal(pos + block.start(1), block[1])
             return None
         if (move := _MOVE.search(text)) is not None:
-            goal = next(split_arguments(move[2]))[1].split(" TILL ")[0].strip()
-            names = self._goals(pos, goal)
+            at, goal = parts_of(move[2])[0]
+            names = self.goal(pos + move.start(2) + at, goal := goal.split(" TILL ")[0].strip())
             if "APPRO" in move[1].upper():
                 away = re.search(rf",[ \t]*({NUMBER})[ \t]*$", move[2])
                 offset = (0.0, 0.0, -float(away[1])) if away else None
                 self.relative(pos, f"{move[1]} {goal}", names, offset, "tool")
             return self.goes(pos, names)
         if (step := _STEP.match(text)) is not None:
-            numbers = [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}(?=[ \t]*(?:,|$))", step[2])]
-            plain = len(numbers) == step[2].count(",") + 1
-            if "DEPART" in step[1].upper() and plain and len(numbers) == 1:
+            word, by = step[1].upper(), step[2].strip()
+            numbers = values_in(by) if _NUMBERS.fullmatch(by) else []
+            if "DEPART" in word and len(numbers) == 1:
                 return self.relative(pos, step[1], (), (0.0, 0.0, -numbers[0]), "tool")
-            if "DRAW" in step[1].upper() and plain and len(numbers) == 3:
-                return self.relative(pos, step[1], (), numbers, "tool" if step[1][0] in "tT" else "frame")
+            if "DRAW" in word and len(numbers) == 3:
+                return self.relative(pos, step[1], (), numbers, "tool" if word[0] == "T" else "frame")
             return self.relative(pos, f"{step[1]} is a step from where the arm is")
-        if re.match(r"[ \t]*HOME[2-9]?\b", text, _I):
-            return self.doubt(pos, "elsewhere", "HOME is stored in the controller: teach it again")
-        if (store := _STORES.fullmatch(text)) is not None:
-            name, value = self.names.plain(store[1]), (store[2] or "").strip()
-            literal = _LITERAL.fullmatch(value) is not None and value.startswith("#") == name.startswith("#")
-            if literal and name not in self.names.keys:
-                self.names.store(store[1], name)
-                return self._literal(self.file.bare.index(value, pos + len(store[1])), value, name, store[1])
-            self.names.changed(self, pos, store[1])
-            return self.moves(pos, self._goals(pos, value) if value else [])
-        return self.names.used(self, pos, re.sub(r"^[ \t]*[\w.]+", "", text))
+        if (store := _STORES.fullmatch(text)) is None:
+            return self.names.used(self, pos, re.sub(r"^[ \t]*[\w.]+", "", text))
+        name, value = self.names.plain(store[1]), store[2] or ""
+        literal = self.literal.fullmatch(value)
+        if literal and name not in self.names.keys and self.is_joints(literal) == name.startswith("#"):
+            self.names.store(store[1], name)
+            at, joints = pos + store.start(2), self.is_joints(literal)
+            return self.add_literal(at, literal, name, store[1], joints=joints)
+        self.names.changed(self, pos, store[1])
+        return self.moves(pos, self.goal(pos + store.start(2), value) if value else [])
 
-    def _goals(self, pos: int, goal: str) -> list[str]:
-        """The names of a goal."""
-        at = self.file.bare.index(goal, pos)
-        if _LITERAL.fullmatch(goal) is not None:
-            name, label = self.inline(at)
-            self._literal(at, goal, name, label)
-            return [name]
-        if goal.startswith("#["):
-            self.unread(at, "this position is not understood")
+    def goal(self, pos: int, text: str) -> list[str]:
+        if text.startswith("#[") and self.literal.fullmatch(text) is None:
+            self.unread(pos, "this position is not understood")
             return []
-        return self.names.goals(self, pos, goal)
-
-    def _literal(self, at: int, text: str, name: str, label: str) -> None:
-        spans = numbers_in(re.sub(r"^[^(\[]*", lambda word: " " * len(word[0]), text), at)
-        self.six(at, name, label, spans, joints=text.startswith("#"))
+        return super().goal(pos, text)

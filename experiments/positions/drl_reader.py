@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from .position import BackupReading, What
-from .script import Lines, Script
-from .statement_text import NUMBER, arguments_of
+from .script import Script
+from .statement_text import NUMBER, Lines, arguments_of
 
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*\s*,?\s*"
 _TCP = re.compile(r"\bset_tcp\s*\(\s*([\"'])?")

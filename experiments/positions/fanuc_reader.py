@@ -8,7 +8,7 @@ from ...model.kinematics.orientation import from_rpy
 from .position import BackupReading, What, pose_of
 from .position_names import PositionNames
 from .script import LineProgram
-from .statement_text import NUMBER, split_arguments
+from .statement_text import NUMBER, pieces, split_arguments
 
 _M = re.MULTILINE
 _POINT = re.compile(r"^[ \t]*P\[[ \t]*(?P<number>\d+)[^\]\n]*\][ \t]*\{(?P<block>[^{}]*)\}[ \t]*;", _M)
@@ -17,12 +17,11 @@ _TURNS = r"-?\d+[ \t]*,[ \t]*-?\d+[ \t]*,[ \t]*-?\d+"
 _CONFIGURED = re.compile(rf"(?:CONFIG[ \t]*:[ \t]*'|Config:[ \t]*)([A-Z ]*[A-Z])[ \t]*,[ \t]*({_TURNS})")
 _VALUE = re.compile(rf"\b([XYZWPR]|[JE]\d|EXT\d)[ \t]*[=:][ \t]*(\*+|{NUMBER})(?:[ \t]*(deg|mm))?")
 _FRAMES = re.compile(r"UF[ \t]*:[ \t]*(\d+|F)[ \t]*,[ \t]*UT[ \t]*:[ \t]*(\d+|F)")
-_ENTRY = re.compile(r"^[ \t]*\[(\d+),(\d+)\][ \t]*=(?:[ \t]*'[^'\n]*')?", _M)
-_VARIABLE = re.compile(r"^\[\*\w+\*\](\$\w+)[^\n]*", _M)
+_HEAD = re.compile(r"^\[\*\w+\*\](\$\w+)[^\n]*|^[ \t]*\[(\d+),(\d+)\][ \t]*=(?:[ \t]*'[^'\n]*')?", _M)
 _STATEMENT = re.compile(r"^[ \t]*\d*[ \t]*:(?P<body>(?:[^;\n]|\n[ \t]*:)*);", _M)
 _GOAL = re.compile(r"\bP(R?)\[\s*(?:GP\d+\s*:\s*)?(\d+)?[^\]]*\]")
 _OFFSET = re.compile(r"\b(?:Tool_)?Offset(?:\s*,\s*PR\[\s*(?:GP\d+:)?(\d+)?[^\]]*\])?", re.IGNORECASE)
-_RUN_TIME = re.compile(r"\b(?:UFRAME|UTOOL)\[.*?\]\s*=|\$MNU(?:FRAME|TOOL)\b.*?=|\bRTCP\b|\bCOORD\b")
+_RUN_TIME = r"\b(?:UFRAME|UTOOL)\[.*?\]\s*=|\$MNU(?:FRAME|TOOL)\b.*?=|\bRTCP\b|\bCOORD\b"
 _JUMP = re.compile(r"\s*(?:LBL|JMP|IF|SELECT|FOR|ENDFOR|ELSE|ENDIF|SKIP)\b|.*\bJMP\b")
 _ASSIGNED = re.compile(r"\s*P(R?)\[\s*(?:GP1\s*:\s*)?(\d+)?[^\]]*\]+\s*=")
 
@@ -30,10 +29,11 @@ _ASSIGNED = re.compile(r"\s*P(R?)\[\s*(?:GP1\s*:\s*)?(\d+)?[^\]]*\]+\s*=")
 def read_fanuc(reading: BackupReading) -> None:
     """Frames, registers and listings of a backup."""
     for file in reading.files:
-        if _VARIABLE.search(file.text):
-            FanucFile(file, reading, PositionNames(_GOAL)).variables()
+        here = FanucFile(file, reading, PositionNames(_GOAL))
+        if re.search(r"^\[\*\w+\*\]\$", file.text, _M):
+            here.variables()
         elif re.search(r"^/(?:PROG|POS)\b", file.text, _M):
-            FanucFile(file, reading, PositionNames(_GOAL)).listing()
+            here.listing()
 
 
 class FanucFile(LineProgram):
@@ -46,19 +46,17 @@ class FanucFile(LineProgram):
         text = self.file.text
         if (model := re.search(r"\$SCR_GRP\[1\]\.\$ROBOT_ID[^=\n]*=\s*'([^'\n]*)'", text)) is not None:
             self.reading.model = (self.file, self.file.line(model.start()), model[1].strip())
-        parts = list(_VARIABLE.finditer(text))
-        for part, end in zip(parts, [*(each.start() for each in parts[1:]), len(text)], strict=False):
-            heads = list(_ENTRY.finditer(text, part.end(), end))
-            for head, stop in zip(heads, [*(each.start() for each in heads[1:]), end], strict=False):
-                taught = head[1] == "1" and "Uninitialized" not in text[head.start() : stop]
-                if taught and part[1] == "$POSREG":
-                    self._position(f"PR[{head[2]}]", f"PR[{head[2]}]", head.start(1), head.end(), stop)
-                elif taught and part[1] in ("$MNUFRAME", "$MNUTOOL"):
-                    values = {key: value for key, value, _ in _VALUE.findall(text[head.end() : stop])}
-                    known = set("XYZWPR") <= set(values) and "*" not in "".join(values.values())
-                    pose = pose_of(from_rpy, [float(values[key]) for key in "XYZWPR"]) if known else None
-                    what: What = "tool" if part[1] == "$MNUTOOL" else "frame"
-                    self.frame(head.start(), what, head[2], pose)
+        variable = ""
+        for head, stop in pieces(_HEAD, text):
+            taught = head[2] == "1" and "Uninitialized" not in text[head.start() : stop]
+            variable = head[1] or variable
+            if taught and variable == "$POSREG":
+                self._position(f"PR[{head[3]}]", f"PR[{head[3]}]", head.start(2), head.end(), stop)
+            elif taught and variable in ("$MNUFRAME", "$MNUTOOL"):
+                fields = {each[1]: each[2] for each in _VALUE.finditer(text, head.end(), stop)}
+                numbers = [float(fields[key]) for key in "XYZWPR" if fields.get(key, "*")[0] != "*"]
+                what: What = "tool" if variable == "$MNUTOOL" else "frame"
+                self.frame(head.start(), what, head[3], pose_of(from_rpy, numbers))
 
     def listing(self) -> None:
         """Positions and statements of a program."""
@@ -81,13 +79,11 @@ class FanucFile(LineProgram):
     def _point(self, point: re.Match[str]) -> None:
         """A position of all groups: of others than the first, one axis each, which stays."""
         label = f"P[{int(point['number'])}]"
-        groups = [*_GROUP.finditer(self.file.text, *point.span("block"))]
-        stops = [*(group.start() for group in groups[1:]), point.end("block")]
-        pos = point.start("number")
-        if [group[1] for group in groups[:1]] != ["1"]:
+        groups, pos = pieces(_GROUP, self.file.text, *point.span("block")), point.start("number")
+        if not groups or groups[0][0][1] != "1":
             return self.unread(pos, f"{label} has no group 1", label)
-        self._position(f"{self.file.name}:{label}", label, pos, groups[0].end(), stops[0])
-        for group, stop in zip(groups[1:], stops[1:], strict=True):
+        self._position(f"{self.file.name}:{label}", label, pos, groups[0][0].end(), groups[0][1])
+        for group, stop in groups[1:]:
             sentence = f"{label} has group {group[1]}, which must not carry the arm or the work: it stays"
             if len(_VALUE.findall(self.file.text[group.end() : stop])) == 1:
                 self.doubt(group.start(), "group", sentence)
@@ -126,14 +122,15 @@ class FanucFile(LineProgram):
     def statement(self, pos: int, text: str) -> None:
         if re.match(r"\s*(?:!|//|--)", text):
             return None
-        if (run_time := _RUN_TIME.search(text)) is not None:
+        if (run_time := re.search(_RUN_TIME, text)) is not None:
             self.refuse(pos, f"{run_time[0]}: tools, frames or work are moved when the program runs")
         if re.match(r"\s*[JLCAS]\s+P(?:R?)\[", text):
             return self._motion(pos, text)
         *_, (_, done) = split_arguments(text) if re.match(r"\s*IF\b", text) else [(0, text)]
         if (assigned := _ASSIGNED.match(done)) is not None:
-            name = f"P{assigned[1]}[{assigned[2]}]" if assigned[2] else f"P{assigned[1]}["
-            self.overwrites(pos, name if assigned[1] else f"{self.file.name}:{name}", assigned[0][:-1].strip())
+            name = f"P{assigned[1]}[" + (f"{assigned[2]}]" if assigned[2] else "")
+            label = assigned[0][:-1].strip()
+            self.overwrites(pos, name if assigned[1] else f"{self.file.name}:{name}", label)
         return None
 
     def _motion(self, pos: int, body: str) -> None:

@@ -6,7 +6,7 @@ import re
 
 from ...model.kinematics.orientation import from_rpy
 from .position import AT_RUN_TIME, BackupReading, FileReading, pose_of
-from .statement_text import NUMBER, Span, numbers_in, values_in
+from .statement_text import NUMBER, Span, lines_in, numbers_in, values_in
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _PART = re.compile(r"^//(POS|INST)\b|^END[ \t\r]*$", _I | _M)
@@ -52,9 +52,9 @@ class InformJob(FileReading):
         if counted != (int(counts[1]), int(counts[2])):
             sentence = f"///NPOS states {counts[1]} C and {counts[2]} P; there are {counted}"
             self.unread(counts.start(), sentence)
-        for line in re.finditer(r"[^\n]+", bare[: parts["END"].start()]):
-            if line.start() > parts["INST"].end():
-                self._statement(line.start(), line[0])
+        start = bare.find("\n", parts["INST"].end())
+        for pos, line in lines_in(bare, start, parts["END"].start(), r"[^\n]+"):
+            self._statement(pos, line)
         return None
 
     def _positions(self, start: int, end: int) -> tuple[int, int]:
@@ -62,11 +62,8 @@ class InformJob(FileReading):
         state: dict[str, str] = {}
         configuration: list[Span] = []
         counts = {"C": 0, "P": 0}
-        for line in re.finditer(r"[^\r\n]+", self.file.bare[:end]):
-            pos = line.start()
-            if pos < start or not line[0].strip():
-                continue
-            section, entry = _SECTION.fullmatch(line[0]), _ENTRY.fullmatch(line[0])
+        for pos, line in lines_in(self.file.bare, start, end):
+            section, entry = _SECTION.fullmatch(line), _ENTRY.fullmatch(line)
             if section is not None:
                 word = section[1].upper()
                 state[word] = section[2].upper()
@@ -74,19 +71,20 @@ class InformJob(FileReading):
                     state["FORM"] = word
                 elif word == "RCONF":
                     configuration = numbers_in(section[2], pos + section.start(2))[:6]
-            elif entry is None:
+            elif entry is None and line.strip():
                 self.unread(pos, "this position is not understood")
+            elif entry is None:
+                continue
             elif entry["name"].upper() in counts:
                 counts[entry["name"].upper()] += 1
                 self._position(pos, entry, state, configuration)
             elif any(float(each) for each in entry["values"].split(",")):
                 label = f"{entry['name']}{entry['number']}"
+                station = f"{label} is of a station, which must not carry the arm: it stays"
                 if entry["name"][0] in "bB":
                     self.refuse(pos, f"{label}: a base axis carries the arm")
                 else:
-                    self.doubt(
-                        pos, "group", f"{label} is of a station, which must not carry the arm: it stays"
-                    )
+                    self.doubt(pos, "group", station)
         return counts["C"], counts["P"]
 
     def _position(

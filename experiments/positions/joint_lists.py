@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 from .position import BackupReading, FileReading, JointLanguage, SourceFile
-from .statement_text import NUMBER, numbers_in, words_in
+from .statement_text import NUMBER, is_computed, numbers_in
 
 _I, _M = re.IGNORECASE, re.MULTILINE
 _VALUES = rf"(?P<values>[ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})+)[ \t]*"
@@ -56,7 +56,7 @@ def _read(every: re.Pattern[str], *entries: re.Pattern[str]) -> Callable[[Backup
                     here.add(at, f"{file.name}:{label}", label, spans, axes=axes)
             for match in _LISTED.finditer(file.bare):
                 places = range(*match.span("values"))
-                if starts.isdisjoint(places) and _is_computed(match["values"]):
+                if starts.isdisjoint(places) and is_computed(match["values"]):
                     reading.made.append((file, file.line(places.start), match["name"]))
                     starts |= {*places}
             for match in every.finditer(file.bare):
@@ -65,13 +65,6 @@ def _read(every: re.Pattern[str], *entries: re.Pattern[str]) -> Callable[[Backup
                     here.unread(start, "this position is not understood")
 
     return read
-
-
-def _is_computed(values: str) -> bool:
-    """Whether a list has names beside its numbers: one that is damaged has none, or numbers that are none."""
-    words = words_in(values)
-    numbers = [word for word in words if not re.match(r"[^\W\d]", word)]
-    return len(numbers) < len(words) and all(re.fullmatch(NUMBER, word) for word in numbers)
 
 
 SLIM = JointLanguage("SLIM", "nachi", (".slim",), _read(_ANY_LIST, _SLIM), remark=r"'[^\n]*")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from ...model.kinematics.orientation import from_abc
 from .position import BackupReading, FileReading, SourceFile, What, pose_of, what_of
-from .position_names import SharedNames, stem_of
+from .position_names import PositionNames
 from .script import LineProgram
-from .statement_text import NUMBER, split_arguments
+from .statement_text import NUMBER, lines_in, pieces, split_arguments
 
 _I = re.IGNORECASE
 _FIELD = re.compile(rf"(?<![\w.$])([XYZABCST]|[AE][1-6])\s+({NUMBER})(?=\s*[,}}])", _I)
@@ -22,7 +21,6 @@ _LITERAL = re.compile(
 )
 _UNCLOSED = re.compile(r"(\w+(?:\[\d+\])?)\s*=\s*\{\s*(?:\w+\s*:\s*)?(?:A\d|X)\s[^{}]*(?=\{|\Z)", _I)
 _FDAT = re.compile(r"\b(\w+)\s*=\s*\{[^{}]*?\bTOOL_NO\s+(-?\d+)\s*,\s*BASE_NO\s+(-?\d+)([^{}]*)", _I)
-_REMOTE = re.compile(r"(?:IPO_FRAME\s+|IPO_MODE\s*=\s*)#TCP\b", _I)
 _MOVE = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC|SPL|ASYPTP)(_REL)?\b\s*(?P<goals>.*)", _I)
 _END = re.compile(r"\s+(?:C_PTP|C_DIS|C_VEL|C_ORI|C_SPL|WITH)\b.*", _I)
 _SET = re.compile(r"\s*(?:\$(TOOL|BASE)(?:\.\w+)?\s*=|BAS\s*\(\s*#(TOOL|BASE)\s*,)\s*(.*?)\s*\)?\s*", _I)
@@ -30,12 +28,11 @@ _JUMP = re.compile(
     r"\s*(?:(?:IF|ELSE|SWITCH|CASE|LOOP|WHILE|REPEAT|FOR|GOTO|INTERRUPT|RESUME)\b|\w+:\s*$)", _I
 )
 _ASSIGNED = re.compile(r"\s*([A-Z_]\w*(?:\[[^\]]*\])?)((?:\s*\.\s*\w+)*)\s*=(?!=)\s*(.*?)\s*", _I)
-_FRAME_DATA = re.compile(r"(?:TOOL|BASE)_(?:DATA|TYPE)\b", _I)
 _ADDED = re.compile(rf"(\w+)\.([XYZ])\s*([-+])\s*({NUMBER})", _I)
 _NAME = re.compile(r"[A-Z_]\w*(?:\[[^\[\]]*\])?", _I)
 _BEGIN = re.compile(r"^[ \t]*DEFDAT\b", _I | re.MULTILINE)
 _END_OF_LIST = re.compile(r"^[ \t]*ENDDAT\b", _I | re.MULTILINE)
-_ROUTINE = re.compile(r"\s*(?:GLOBAL\s+)?DEF(?:FCT)?\b", _I)
+_ROUTINE = re.compile(r"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b", _I | re.MULTILINE)
 _POSE, _AXES = "XYZABC", [f"A{i}" for i in range(1, 7)]
 
 
@@ -44,41 +41,24 @@ def read_krl(reading: BackupReading) -> None:
     files = [file for file in reading.files if file.stem in ("$config", "$machine") or file.stem[:1] != "$"]
     for file in files:
         KrlData(file, reading).read()
-    keys = {one.name: [one.name] for one in reading.positions}
-    lists: dict[str, list[str]] = {}
-    for key in sorted(keys):
-        scope, _, name = key.rpartition(":")
-        lists.setdefault(stem_of(name), []).append(scope)
-    frames = {
-        f"{_scope(file)}:{fdat[1]}".lower(): (fdat[2], fdat[3])
-        for file in files
-        for fdat in _FDAT.finditer(file.bare)
-    }
-    for file in files:
-        lines = list(re.finditer(r"[^\n]+", file.bare)) if file.suffix != ".dat" else []
-        starts = [i for i, line in enumerate(lines) if _ROUTINE.match(line[0])]
-        for begin, end in zip(starts, [*starts[1:], len(lines)], strict=False):
-            routine = KrlRoutine(file, reading, KrlNames(_NAME, keys, _scope(file).lower(), lists, frames))
-            routine.prepare([(line.start(), line[0]) for line in lines[begin:end]])
+    stored = sorted({one.name for one in reading.positions})
+    for file in (file for file in files if file.suffix != ".dat"):
+        names = PositionNames(_NAME, scope=_scope(file).lower())
+        for key in sorted(stored, key=lambda key: not key.startswith(f"{names.scope}:")):
+            name = key.rpartition(":")[2]
+            if name not in names.keys:  # those of its own list hide others
+                names.store(key if name.isdecimal() else name, key)
+        ours = sorted((each for each in files if _scope(each) in ("", _scope(file))), key=_scope)
+        data = [fdat for each in ours for fdat in _FDAT.finditer(each.bare)]
+        for begin, end in pieces(_ROUTINE, file.bare):
+            routine = KrlRoutine(file, reading, names)
+            routine.frames = {fdat[1].lower(): (fdat[2], fdat[3]) for fdat in data}
+            routine.prepare(lines_in(file.bare, begin.start(), end, r"[^\n]+"))
             routine.run()
 
 
 def _scope(file: SourceFile) -> str:
     return "" if file.stem == "$config" else str(PurePosixPath(file.name).with_suffix(""))
-
-
-@dataclass
-class KrlNames(SharedNames):
-    """Names of a program's own data list, else of another; `frames` are tool and base of FDAT by these,
-    `lists` those that have a name or an array."""
-
-    lists: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    frames: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-
-    def plain(self, name: str) -> str:
-        plain, own = super().plain(name), self.scope or ""
-        lists = self.lists.get(stem_of(plain), ())
-        return f"{own if own in lists or not lists else lists[0]}:{plain}"
 
 
 class KrlData(FileReading):
@@ -94,7 +74,7 @@ class KrlData(FileReading):
             self.unread(unclosed.start(), f"{unclosed[1]} has no }}", unclosed[1])
         if _BEGIN.search(bare) and not _END_OF_LIST.search(bare):
             self.unread(0, "the data list is incomplete: its last line, ENDDAT, is missing")
-        for remote in _REMOTE.finditer(bare):
+        for remote in re.finditer(r"(?:IPO_FRAME\s+|IPO_MODE\s*=\s*)#TCP\b", bare, _I):
             self.refuse(remote.start(), "#TCP: the arm holds the work (remote TCP)")
 
     def _literal(self, literal: re.Match[str]) -> None:
@@ -106,7 +86,7 @@ class KrlData(FileReading):
             return None  # a part of load data and the like
         defined = re.fullmatch(r"\$?(TOOL|BASE|ROBROOT)(?:_DATA\[(\d+)\])?", name, _I)
         if defined is not None:
-            pose = pose_of(from_abc, [values[key] for key in _POSE]) if set(_POSE) <= set(values) else None
+            pose = pose_of(from_abc, [values[key] for key in _POSE if key in values])
             if defined[1].upper() == "ROBROOT":
                 self.reading.base = pose
                 return None
@@ -125,20 +105,18 @@ class KrlData(FileReading):
         if set(_POSE) <= set(fields):
             spans, words = ([fields[each] for each in keys if each in fields] for keys in (_POSE, "ST"))
             return self.add(pos, key, label, spans, words, external=external)
-        sentence = f"{label} states some components: the others are those before"
-        return self.doubt(pos, "relative", sentence)
+        return self.doubt(pos, "relative", f"{label} states some components: the others are those before")
 
 
 class KrlRoutine(LineProgram):
-    """A routine of a program."""
+    """A routine of a program; `frames` are tool and base of its FDAT."""
 
-    names: KrlNames
+    frames: Mapping[str, tuple[str, str]]
     jump = _JUMP
 
     def look(self, pos: int, text: str) -> None:
         for word in re.findall(r"\w+", text.lower()):
-            local = f"{_scope(self.file)}:{word}".lower()
-            if pair := self.names.frames.get(local, self.names.frames.get(f":{word}")):
+            if pair := self.frames.get(word):
                 self.active.set("tool", pos, pair[0])
                 self.active.set("frame", pos, pair[1])
         if (put := _SET.fullmatch(text)) is not None:
@@ -157,10 +135,11 @@ class KrlRoutine(LineProgram):
             self._assigned(pos, assigned)
 
     def _assigned(self, pos: int, assigned: re.Match[str]) -> None:
-        name, stored = self.names.plain(assigned[1]), self.names.keys
-        if _FRAME_DATA.match(assigned[1]) or name in self.names.frames:
+        name = self.names.plain(assigned[1])
+        stored = name in self.names.keys or self.names.elements(assigned[1])
+        if re.match(r"(?:TOOL|BASE)_(?:DATA|TYPE)\b", assigned[1], _I) or name in self.frames:
             return self.refuse(pos, f"{assigned[1]} is set when the program runs")
-        if name in stored or self.names.elements(assigned[1]) or (not assigned[2] and self.names.stored_in(assigned[3])):
+        if stored or (not assigned[2] and self.names.stored_in(assigned[3])):
             self.names.changed(self, pos, assigned[1])
         elif (added := _ADDED.fullmatch(assigned[3])) is not None:
             offset = [float(added[3] + added[4]) * (axis == added[2].upper()) for axis in "XYZ"]

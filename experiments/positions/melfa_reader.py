@@ -7,13 +7,12 @@ import re
 from ...model.kinematics.orientation import from_rpy
 from .position import BackupReading, pose_of
 from .position_names import PositionNames
-from .script import LineProgram, Lines
-from .statement_text import NUMBER, numbers_in, split_arguments, values_in
+from .script import LineProgram
+from .statement_text import NUMBER, Lines, numbers_in, parts_of, values_in
 
 _I = re.IGNORECASE
 _VALUES = rf"\([ \t]*{NUMBER}(?:[ \t]*,[ \t]*{NUMBER})*[ \t]*\)"
 _FLAGS = r"(?:[ \t]*\([ \t]*\d+[ \t]*,[ \t]*\d+[ \t]*\))?"
-_LITERAL = re.compile(rf"({_VALUES})({_FLAGS})")
 _NAME = r"[PJ][A-Z0-9]\w*|[PJ](?=[ \t]*\()"
 _INDEX = r"(?:[ \t]*\([^()]*\))?"
 _LINE = re.compile(r"(?m)^[ \t]*(?:\d+[ \t]+)?([^\r\n]*?)[ \t]*\r?$")
@@ -27,8 +26,8 @@ _SET = re.compile(
     _I,
 )
 _JUMP = re.compile(r"(?:\*\w|(?:If|Else|ElseIf|For|While|Select|Case|On|Return)\b)|.*\bGo(?:To|Sub)\b", _I)
-_WORD = re.compile(rf"(?<![\w.])(?:{_NAME}){_INDEX}", _I)
-_ADDED = re.compile(rf"((?:{_NAME}){_INDEX})[ \t]*([+*])[ \t]*((?:{_NAME}){_INDEX})", _I)
+_ONE = rf"(?:{_NAME}){_INDEX}"
+_WORD = re.compile(rf"(?<![\w.]){_ONE}", _I)
 
 
 def read_melfa(reading: BackupReading) -> None:
@@ -45,6 +44,11 @@ class MelfaProgram(LineProgram):
     """A program with its variables."""
 
     jump = _JUMP
+    literal = re.compile(rf"(?P<numbers>{_VALUES})(?P<flags>{_FLAGS})")
+    shifts = (  # components of both; B in the axes of the tool at A
+        (re.compile(rf"(?P<goal>{_ONE})[ \t]*\+[ \t]*(?P<by>{_ONE})", _I), "frame"),
+        (re.compile(rf"(?P<goal>{_ONE})[ \t]*\*[ \t]*(?P<by>{_ONE})", _I), "tool"),
+    )
 
     def variables(self, lines: Lines) -> None:
         """Those that are saved behind it."""
@@ -57,7 +61,7 @@ class MelfaProgram(LineProgram):
             self.active.set("tool", pos, self._tool(pos, put[1]))
 
     def _entry(self, pos: int, entry: re.Match[str]) -> None:
-        label, literal = f"{entry[1]}{entry[2]}", _LITERAL.fullmatch(entry[3])
+        label, literal = f"{entry[1]}{entry[2]}", self.literal.fullmatch(entry[3])
         name = self.names.plain(label)
         if literal is None:
             if re.fullmatch(r"\([-+.\d\s,*#]*\)?.*", entry[3]) and not re.search(r"[A-Z]", entry[3], _I):
@@ -65,62 +69,47 @@ class MelfaProgram(LineProgram):
             return None
         if name in self.names.keys:
             return self.refuse(pos, f"the program overwrites the stored position {label}")
-        self.names.store(label, f"{self.file.name}:{name}")
-        return self._literal(pos + entry.start(3), literal, f"{self.file.name}:{name}", label, register=True)
-
-    def _literal(
-        self, pos: int, literal: re.Match[str], name: str, label: str, *, register: bool = False
-    ) -> None:
-        spans = numbers_in(literal[1], pos + literal.start(1))
-        flags = numbers_in(literal[2], pos + literal.start(2))
+        self.names.store(label, key := f"{self.file.name}:{name}")
         joints = label[0] in "jJ"
+        return self.add_literal(pos + entry.start(3), literal, key, label, joints=joints, register=True)
+
+    def add_literal(
+        self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
+    ) -> None:
+        spans = numbers_in(literal["numbers"], pos + literal.start("numbers"))
+        flags = numbers_in(literal["flags"], pos + literal.start("flags"))
         plain = len(flags) == 2 and not joints and not any(self.numbers(flags[1:]))
         if len(spans) >= 6 and not plain and (flags or not joints):
             return self.unread(pos, f"{label}: turns of joints, or no flags, are not understood", label)
         frame = None if joints else "0"
-        return self.six(pos, name, label, spans, flags, joints=joints, register=register, frame=frame)
+        return self.six(pos, key, label, spans, flags, joints=joints, register=register, frame=frame)
 
     def _tool(self, pos: int, text: str) -> str | None:
         """The name of a tool that is set; None where that is computed."""
         if text.upper() == "P_NTOOL":
             return "p_ntool"
         (name,), numbers = self.names.keys.get(self.names.plain(text), [""]), self.added(text)[:6]
-        if (literal := _LITERAL.fullmatch(text)) is not None:
-            name, numbers = f"{self.file.name}:tool{pos}", values_in(literal[1])[:6]
+        if (literal := self.literal.fullmatch(text)) is not None:
+            name, numbers = f"{self.file.name}:tool{pos}", values_in(literal["numbers"])[:6]
         if len(numbers) == 6 and ("tool", name) not in self.reading.frames:
             self.frame(pos, "tool", name, pose_of(from_rpy, numbers))
         return name or None
 
     def statement(self, pos: int, text: str) -> None:
+        entry = _STORED.fullmatch(text)
         if (run_time := _SET.match(text)) is not None:
             return self.refuse(pos, f"{run_time[1]}: tools, frames or pallets are set when the program runs")
-        if _TOOL.fullmatch(text) or ((entry := _STORED.fullmatch(text)) and _LITERAL.fullmatch(entry[3])):
+        if _TOOL.fullmatch(text) or (entry and self.literal.fullmatch(entry[3])):
             return None
         if (move := _MOVE.search(text)) is not None:
             goals: list[str] = []
-            parts = re.split(r"[ \t](?:Wth(?:If)?|Type)\b", move[2], flags=_I)[0]
-            for at, part in split_arguments(parts):
-                goal, begin = part.strip(), pos + move.start(2) + at + len(part) - len(part.lstrip())
+            for at, goal in parts_of(re.split(r"[ \t](?:Wth(?:If)?|Type)\b", move[2], flags=_I)[0]):
                 if re.fullmatch(NUMBER, goal) and goals:
                     self.relative(pos, text[:40], goals[-1:], (0.0, 0.0, float(goal)), "tool")
                 else:
-                    goals += self._goals(begin, goal)
+                    goals += self.goal(pos + move.start(2) + at, goal)
             return self.goes(pos, goals)
         if (store := _STORES.fullmatch(text)) is not None:
-            label = f"{store[1]}{store[2]}"
-            self.names.changed(self, pos, label)
-            return self.moves(pos, self._goals(pos + store.start(3), store[3].strip()))
+            self.names.changed(self, pos, f"{store[1]}{store[2]}")
+            return self.moves(pos, self.goal(pos + store.start(3), store[3].strip()))
         return self.names.used(self, pos, text)
-
-    def _goals(self, pos: int, goal: str) -> list[str]:
-        """The names of a goal. A + B has the components of both, A * B is B in the axes of the tool at A."""
-        if (literal := _LITERAL.fullmatch(goal)) is not None:
-            name, label = self.inline(pos)
-            self._literal(pos, literal, name, label)
-            return [name]
-        if (sum_ := _ADDED.fullmatch(goal)) is None:
-            return self.names.goals(self, pos, goal)
-        goals, values = self._goals(pos, sum_[1]), self.added(sum_[3])
-        offset = values[:3] if values and not any(values[3:]) else None
-        self.relative(pos, sum_[0][:40], goals, offset, "tool" if sum_[2] == "*" else "frame")
-        return goals

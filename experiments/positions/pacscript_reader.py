@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 from ...model.kinematics.orientation import from_rpy
-from .position import WHAT, BackupReading, What, pose_of, what_of
+from .position import WHAT, BackupReading, pose_of, what_of
 from .position_names import SharedNames
-from .script import Lines, Script
-from .statement_text import NUMBER, numbers_in, split_arguments, values_in
+from .script import Script
+from .statement_text import NUMBER, Lines, numbers_in, parts_of, values_in
 
 _I = re.IGNORECASE
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
@@ -16,16 +16,16 @@ _PART = re.compile(r"^[ \t]*(?:Sub|Function|Program)\b", _I | re.MULTILINE)
 _KINDS = re.compile(r"(?:Dim[ \t]+(.+?)[ \t]+As[ \t]+|Def)(Pos|Joint|Jnt)\w*\b(.*)", _I)
 _DEFINED = rf"(Tool|Work)[ \t]+(\d+)[ \t]*,[ \t]*P?[ \t]*\(\s*({_LIST})\s*\)[ \t]*"
 _CHANGED = re.compile(r"Change(Tool|Work)[ \t]+(\d+)?", _I)
-_ADDED = re.compile(rf"(?P<goal>.+?)\s*(?P<sign>[-+])\s*(?P<by>P?\s*\(\s*{_LIST}\s*\))", _I)
-_DEV = re.compile(r"Dev(?P<tool>H?)\s*\((?P<parts>.*)\)", _I | re.DOTALL)
+_BY = r"(?P<goal>.*?)\s*,\s*(?P<by>P?\s*\([^()]*\)|[^,()]*)\s*"
+_GOALS = {"move": slice(1, None), "approach": slice(1, 2), "archmove": slice(1), "drivea": slice(1)}
 _OPTION = re.compile(r"(?:S|Speed|Accel|Decel|Time)\s*=.*|Next|If\b.*", _I)
 
 
 def read_pacscript(reading: BackupReading) -> None:
     """P[n] and J[n] belong to all programs, other names to those of one file."""
-    programs, shared = [], dict[str, list[str]]()
+    programs, shared = [], PacNames(PacProgram.word)
     for file in reading.files:
-        names = PacNames(PacProgram.word, shared, file.name)
+        names = PacNames(shared.word, shared.keys, file.name, shared.arrays)
         starts = [match.start() for match in _PART.finditer(file.bare)][1:]
         for start, end in zip([0, *starts], [*starts, len(file.bare)], strict=True):
             programs.append(PacProgram(file, reading, names))
@@ -56,6 +56,11 @@ class PacProgram(Script):
     jump = re.compile(r"(?:If|Else\w*|For|Do|Loop|While|Select|Case|GoTo|\*\w+)\b", _I)
     refused = re.compile(rf"^(?!{_DEFINED}$)(?:Tool|Work)[ \t]+\w.*|^(?:SetBase|Base)[ \t]+\S.*", _I)
     word = re.compile(r"(?<![\w.\"'$])(?:[PJ]\s*\[[^\]]*\]|[A-Z_]\w*)(?!\w)", _I)
+    shifts = (
+        (re.compile(rf"Dev\s*\(\s*{_BY}\)", _I | re.DOTALL), "frame"),
+        (re.compile(rf"DevH\s*\(\s*{_BY}\)", _I | re.DOTALL), "tool"),
+        (re.compile(rf"(?P<goal>.+?)\s*(?P<sign>[-+])\s*(?P<by>P?\s*\(\s*{_LIST}\s*\))", _I), "frame"),
+    )
     changed = False
 
     def is_joints(self, literal: re.Match[str]) -> bool | None:
@@ -69,9 +74,7 @@ class PacProgram(Script):
             name = self.names.plain(assign["name"])
             self.kinds |= {name: {name[0] == "j"}} if re.match(r"[pj]\[", name) else {}
         if (made := re.fullmatch(_DEFINED, text, _I)) is not None:
-            numbers = values_in(made[3])
-            pose = pose_of(from_rpy, numbers[:6]) if len(numbers) >= 6 else None
-            self.frame(pos, what_of(made[1]), made[2], pose)
+            self.frame(pos, what_of(made[1]), made[2], pose_of(from_rpy, values_in(made[3])[:6]))
         if (change := _CHANGED.match(text)) is not None:
             self.active.set(what_of(change[1]), pos, change[2] and str(int(change[2])))
             self.changed = True
@@ -94,44 +97,24 @@ class PacProgram(Script):
 
     def arguments(self, text: str, move: re.Match[str]) -> Lines:
         """Without path options (@P) and those of motion."""
-        parts = [
-            (at, re.match(r"\s*(?:@[ \t]*\w+[ \t]*)?", part), part)
-            for at, part in split_arguments(text[move.end() :])
-        ]
-        rest = [
-            (move.end() + at + skip.end(), part[skip.end() :].strip()) for at, skip, part in parts if skip
-        ]
+        every = parts_of(text, move.end())
+        parts = [(at, part, re.match(r"(?:@[ \t]*\w+[ \t]*)?", part)) for at, part in every]
+        rest = [(at + skip.end(), part[skip.end() :].strip()) for at, part, skip in parts if skip]
         return [(at, part) for at, part in rest if part and not _OPTION.fullmatch(part)]
 
     def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
-        kind = move["kind"].lower()
-        if kind in ("archmove", "drivea"):
-            return arguments[:1]
         spline = [text.lower() for _, text in arguments[:1]] == ["s"]
-        return [] if spline else arguments[1 : {"move": None, "approach": 2}.get(kind, 1)]
+        return [] if spline else arguments[_GOALS.get(move["kind"].lower(), slice(0))]
 
     def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
         kind, text = move["kind"].lower(), " ".join(part for _, part in arguments)
-        axes: What
         names = [name for at, goal in self.goals_of(move, arguments) for name in self.goal(at, goal)]
         if kind in ("approach", "depart", "draw"):
             by = arguments[-1][1] if arguments else ""
-            by, axes = (by.lstrip("Vv"), "frame") if kind == "draw" else (f"(0, 0, -{by})", "tool")
-            self.step(pos, f"{move['kind']} {text}", by, names, axes)
+            by = by.lstrip("Vv") if kind == "draw" else f"(0, 0, -{by})"
+            self.step(pos, f"{move['kind']} {text}", by, names, "frame" if kind == "draw" else "tool")
         elif kind == "rotate" or not (names or kind == "move"):
             self.relative(pos, f"{move['kind']} is a step from where the arm is")
         elif not names:
             self.computed(pos, f"Move {text}")
         return self.goes(pos, names)
-
-    def goal(self, pos: int, text: str) -> list[str]:
-        if (dev := _DEV.fullmatch(text)) is not None:
-            parts = [part.strip() for _, part in split_arguments(dev["parts"])]
-            names = self.goal(pos + text.index(parts[0]), parts[0])
-            self.step(pos, text, parts[-1], names, "tool" if dev["tool"] else "frame")
-            return names
-        if (added := _ADDED.fullmatch(text)) is not None:
-            names = self.goal(pos, added["goal"])
-            self.step(pos, text, added["by"], names, "frame", -1 if added["sign"] == "-" else 1)
-            return names
-        return super().goal(pos, text)

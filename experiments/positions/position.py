@@ -169,31 +169,33 @@ class BackupReading:
     doubtful: list[DoubtfulLine] = field(default_factory=list)
     refused: list[RefusedLine] = field(default_factory=list)
     overwritten: list[tuple[SourceFile, int, str, str]] = field(default_factory=list)
-    made: list[tuple[SourceFile, int, str]] = field(
-        default_factory=list
-    )  # line and label of what is computed, used or not
+    made: list[tuple[SourceFile, int, str]] = field(default_factory=list)  # computed, with line and label
     added: set[str] = field(default_factory=set)  # registers that statements add to places
     base: Matrix | None = None
     model: tuple[SourceFile, int, str] | None = None
 
     def of(self, names: Sequence[str]) -> BackupReading:
-        """What is found in these files, with the tools and frames of all, and what all do with positions of
-        these."""
+        """What is found in these files, the tools and frames of all, and what all do with their places."""
         positions = [one for one in self.positions if one.file.name in names]
         stored = {one.name for one in positions}
-        others = [one for one in self.statements if one.file.name not in names and stored & {*one.names}]
+        changes = {one for name in stored for one in self.overwritten if _is_of(name, one[2])}
         return replace(
             self,
             positions=positions,
             statements=[
-                *(one for one in self.statements if one.file.name in names),
-                *(replace(one, names=tuple(name for name in one.names if name in stored)) for one in others),
+                one if one.file.name in names else replace(one, names=tuple(sorted(stored & {*one.names})))
+                for one in self.statements
+                if one.file.name in names or stored & {*one.names}
             ],
             doubtful=[one for one in self.doubtful if one.file.name in names or one.name in stored],
             refused=[one for one in self.refused if one.file.name in names],
-            overwritten=[one for one in self.overwritten if one[0].name in names or one[2] in stored],
+            overwritten=[one for one in self.overwritten if one[0].name in names or one in changes],
             made=[one for one in self.made if one[0].name in names],
         )
+
+    def changes(self, name: str) -> list[str]:
+        """File and line of the statements that change a position, or may do so."""
+        return [f"{file.name}, line {line}" for file, line, of, _ in self.overwritten if _is_of(name, of)]
 
     def computed(self) -> list[tuple[int, str]]:
         """Line and label of the places that are known when a program runs, not before."""
@@ -213,7 +215,7 @@ class BackupReading:
                 self.refused.append(
                     RefusedLine(file, line, f"the program overwrites the stored position {label}")
                 )
-            elif name.endswith("[") and any(each.startswith(name) for each in stored):
+            elif any(_is_of(each, name) for each in stored):
                 sentence = f"{label}: which position is overwritten is not known before it runs"
                 self.refused.append(RefusedLine(file, line, sentence))
             elif any((what, name) in self.frames for what in WHAT):
@@ -253,6 +255,11 @@ class BackupReading:
                 self.refused.append(RefusedLine(one.file, one.line, several))
         tool, frame = (next(iter(names[what]), None) for what in WHAT)
         return replace(one, tool=one.tool or tool, frame=one.frame or frame)
+
+
+def _is_of(name: str, changed: str) -> bool:
+    """Whether a position is what is changed: an array, if that ends with a bracket."""
+    return name == changed or (changed.endswith("[") and name.startswith(changed))
 
 
 @dataclass
@@ -414,12 +421,6 @@ class JointLanguage:
     unit: PendantUnit = "deg"
     beside: str = "(?!)"
 
-    def together(self, name: str, chosen: str) -> bool:
-        """Whether a file of a folder is read with one that was chosen."""
-        ours = name.rpartition(".")[2].lower() in {ending[1:] for ending in self.endings}
-        same = name.rpartition(".")[0].lower() == chosen.rpartition(".")[0].lower()
-        return ours and (same or re.fullmatch(self.beside, name, re.IGNORECASE) is not None)
-
 
 class NotConvertible(Exception):
     """A position that cannot be converted; the sentence says why."""
@@ -481,8 +482,9 @@ _ANGLES: dict[Callable[[Sequence[float]], Matrix], Callable[[Orientation], Seque
 
 
 def pose_of(form: Callable[[Sequence[float]], Matrix], numbers: Sequence[float]) -> Matrix | None:
-    """(4, 4) of numbers in a form; None of such that are none of a tool or frame."""
+    """(4, 4) of numbers in a form; None of such that are none of a tool or frame, or of too few."""
     try:
-        return form(numbers) if all(abs(number) < _LARGEST for number in numbers) else None
+        whole = len(numbers) >= 6 and all(abs(number) < _LARGEST for number in numbers)
+        return form(numbers) if whole else None
     except ValueError:  # a quaternion of zeros
         return None

@@ -16,8 +16,7 @@ class PositionNames:
     word: re.Pattern[str]
     keys: dict[str, list[str]] = field(default_factory=dict)
     scope: str | None = None
-    arrays: dict[str, list[str]] = field(default_factory=dict, init=False)
-    counted: int = field(default=0, init=False)
+    arrays: dict[str, list[str]] = field(default_factory=dict)  # by their names without an index
 
     def plain(self, name: str) -> str:
         """A name without blanks, in small letters."""
@@ -25,7 +24,9 @@ class PositionNames:
 
     def store(self, name: str, *keys: str) -> None:
         """A name of positions that are in the backup."""
-        self.keys.setdefault(self.plain(name), []).extend(keys)
+        plain = self.plain(name)
+        self.keys.setdefault(plain, []).extend(keys)
+        self.arrays.setdefault(stem_of(plain), []).extend(keys)
 
     def of(self, file: SourceFile, name: str) -> list[str]:
         """Those of a name, which may be stored elsewhere."""
@@ -39,11 +40,7 @@ class PositionNames:
         name, index = self.plain(text), re.search(r"[\[(].*", text, re.DOTALL)
         if name in self.keys or (index is not None and re.fullmatch(r".[\d,\s]+.", index[0])):
             return None
-        if self.counted != len(self.keys):
-            self.counted, self.arrays = len(self.keys), {}
-            for each in sorted(self.keys):
-                self.arrays.setdefault(stem_of(each), []).extend(self.keys[each])
-        return self.arrays.get(stem_of(name), [])
+        return sorted(self.arrays.get(stem_of(name), ()))
 
     def goals(self, here: FileReading, pos: int, text: str) -> list[str]:
         """Those of a goal; of an array whose index is a variable all its elements."""

@@ -13,12 +13,13 @@ from zipfile import BadZipFile, ZipFile
 from ...model.errors import BadInput
 from ...model.parsing.confinement import require_within
 from ...model.parsing.reading import LARGEST, require_regular
-from .position import BackupReading, FileReading, PositionLanguage, RefusedLine, SourceFile
+from .position import BackupReading, FileReading, JointLanguage, PositionLanguage, RefusedLine, SourceFile
 from .position_languages import LANGUAGES
 
 AUDIT = "audit.json"
 _PROGRAM = r"\.(?:mod|src|ls|prg|va|jbi|as|pg|pts|dtx|pgx|pcs|drl|script|mb[456])$"
 _GZIP = b"\x1f\x8b"
+_ENDINGS = {ending for language in LANGUAGES for ending in language.endings}
 _MOST_FILES = 20_000
 _LARGEST_ARCHIVE = 2**28  # bytes of its programs
 
@@ -50,18 +51,24 @@ def read_backup(path: Path, vendor: str | None = None) -> Backup:
         )
     if path.is_dir() or path.suffix.lower() == ".zip":
         content = _folder(path) if path.is_dir() else _archive(path)
-        chosen = tuple(content)
+        language, chosen = _language_of(path, content, vendor), tuple(content)
+        content = {name: each for name, each in content.items() if _ending(name) in language.endings}
     else:
         require_regular(path)
-        content = _folder(path.parent, deep=False)
-        chosen = tuple(name for name in content if Path(name).stem.lower() == path.stem.lower())
-    language = _language_of(path, {name: content[name] for name in chosen}, vendor)
-    content = {
-        name: each
-        for name, each in content.items()
-        if (_ending(name) in language.endings if name in chosen else language.together(name, path.name))
-    }
+        beside = _folder(path.parent, deep=False)
+        chosen = tuple(name for name in beside if Path(name).stem.lower() == path.stem.lower())
+        language = _language_of(path, {name: beside[name] for name in chosen}, vendor)
+        content = together(path, language)
     return Backup(path, language, content, reading_of(language, content, chosen), chosen)
+
+
+def together(path: Path, language: JointLanguage) -> dict[str, bytes]:
+    """A file, with those of its folder that say what its tools and frames are, or what becomes of its
+    positions."""
+    pattern = re.compile(rf"{re.escape(path.stem)}\.\w+|{language.beside}", re.IGNORECASE)
+    files = _folder(path.parent, deep=False)
+    names = [name for name in files if _ending(name) in language.endings and pattern.fullmatch(name)]
+    return {name: files[name] for name in names}
 
 
 def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Sequence[str]) -> BackupReading:
@@ -89,11 +96,10 @@ def reading_of(language: PositionLanguage, content: dict[str, bytes], chosen: Se
 
 
 def _folder(folder: Path, *, deep: bool = True) -> dict[str, bytes]:
-    endings = {ending for language in LANGUAGES for ending in language.endings}
     paths = [
         path
         for path in sorted(folder.rglob("*") if deep else folder.iterdir())
-        if path.suffix.lower() in endings
+        if path.suffix.lower() in _ENDINGS
         and path.is_file()
         and not path.is_symlink()
         and path.stat().st_size <= LARGEST
@@ -112,7 +118,6 @@ def _folder(folder: Path, *, deep: bool = True) -> dict[str, bytes]:
 def _archive(path: Path) -> dict[str, bytes]:
     """The files of a zip archive; BadInput for one that is damaged, encrypted, too large, or has names that
     lead elsewhere."""
-    endings = {ending for language in LANGUAGES for ending in language.endings}
     require_regular(path)
     try:
         with ZipFile(path) as archive:
@@ -131,7 +136,7 @@ def _archive(path: Path) -> dict[str, bytes]:
             entries = {
                 name: each
                 for name, each in names.items()
-                if _ending(name) in endings and each.file_size <= LARGEST
+                if _ending(name) in _ENDINGS and each.file_size <= LARGEST
             }
             if (
                 len(entries) > _MOST_FILES

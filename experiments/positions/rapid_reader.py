@@ -5,9 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-import numpy as np
-
-from ...model.arrays import Matrix
 from ...model.kinematics.orientation import from_quaternion
 from .position import BackupReading, FileReading, What, pose_of
 from .statement_text import NUMBER, numbers_in, split_arguments, values_in
@@ -37,7 +34,6 @@ _SHIFTED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet)\b", re.IGNORECASE)
 _ADDED = re.compile(r"(Offs|RelTool)\s*\(\s*(\w+(?:\s*\{[^}]*\})?)\s*,(.*)\)", re.IGNORECASE | re.DOTALL)
 _ASSIGNED = re.compile(r"(?<![\w.\\])([A-Za-z]\w*)\s*(?:\{[^{}]*\})?(?:\.\w+)*\s*:=")
 _WORD = re.compile(r"[A-Za-z]\w*")
-_CALL = re.compile(r"\s*[A-Za-z]\w*\s+(?!:=)[^:]*")
 _SWITCH = re.compile(r"^(\s*\\\w+)+\s*(?::=.*)?")
 
 
@@ -54,10 +50,6 @@ def read_rapid(reading: BackupReading) -> None:
         for match in re.finditer(";", text):
             module.statement(text[end : match.start()], end)
             end = match.end()
-
-
-def _pose(text: str) -> Matrix | None:
-    return pose_of(from_quaternion, values_in(text))
 
 
 @dataclass
@@ -94,7 +86,8 @@ class RapidModule(FileReading):
             elif match is not None and not tool and match[2].upper() == "FALSE":
                 why = f"{label} is moved by an external unit"
             elif match is not None:
-                outer, inner = _pose(match[2 if tool else 3]), np.eye(4) if tool else _pose(match[4])
+                texts = match[2 if tool else 3], "0,0,0,1,0,0,0" if tool else match[4]
+                outer, inner = (pose_of(from_quaternion, values_in(each)) for each in texts)
                 pose = None if outer is None or inner is None else outer @ inner
             self.frame(pos, "tool" if tool else "frame", name, pose, why)
 
@@ -125,7 +118,8 @@ class RapidModule(FileReading):
             return self._motion(text[move.start() :], start + move.start())
         for literal in _LITERAL.finditer(text):
             self.refuse(start + literal.start(), "it is not said what this position is for")
-        used = ("target", "data") if _CALL.match(text) else ("target",)  # a procedure may change its arguments
+        called = re.match(r"\s*[A-Za-z]\w*\s+(?!:=)[^:]*", text)  # a procedure may change its arguments
+        used = ("target", "data") if called else ("target",)
         for word in _WORD.finditer(_ASSIGNED.sub(lambda assigned: " " * len(assigned[0]), text)):
             if self.kinds.get(name := self._name(word[0]), "").endswith(used):
                 self.doubt(start + word.start(), "call", f"{word[0]} is used by this statement", name)
@@ -138,9 +132,7 @@ class RapidModule(FileReading):
         parts = [(start + word.end() + at, part.strip()) for at, part in behind if part.strip()]
         words = [part.split("\\")[0].strip() for _, part in parts[1:]]
         words = [self._name(each) for each in words if _WORD.fullmatch(each)]
-        tools = [each for each in words if self.kinds.get(each) == "tooldata" or each == "tool0"] or words[
-            -1:
-        ]
+        tools = [each for each in words if self.kinds.get(each, each) in ("tooldata", "tool0")] or words[-1:]
         frame = re.search(r"\\\s*WObj\s*:=\s*(\w+)", text, re.IGNORECASE)
         count, moved = 2 if re.match(r"(?:Move|Trigg|Search|Arc)C", word[0], re.IGNORECASE) else 1, []
         for at, part in parts[:count] if not word[0].lower().startswith("moveext") else ():

@@ -8,20 +8,23 @@ from collections.abc import Sequence
 
 from .position import Active, BackupReading, FileReading, SourceFile, What
 from .position_names import PositionNames
-from .statement_text import NUMBER, arguments_of, numbers_in, split_arguments, values_in, words_in
-
-Lines = list[tuple[int, str]]  # or arguments, each with its place
+from .statement_text import Lines, arguments_of, is_computed, numbers_in, parts_of, values_in, words_in
 
 
 class LineProgram(FileReading):
     """A program, or a section of a file, whose lines are statements. First `look` takes what they set, and
-    `jump` is how one begins that branches; then `statement` takes the positions of each."""
+    `jump` is how one begins that branches; then `statement` takes the positions of each. `literal` (with the
+    group `numbers`) is that of a position, `begin` how one begins that says what it is, `shifts` are those of
+    a goal with an offset (groups `goal`, `by` and `sign`) in these axes."""
 
     jump = re.compile(r"(?!)")
+    literal = begin = re.compile(r"(?!)")
+    shifts: Sequence[tuple[re.Pattern[str], What | None]] = ()
 
     def __init__(self, file: SourceFile, reading: BackupReading, names: PositionNames) -> None:
         super().__init__(file, reading)
         self.names, self.active = names, Active()
+        self.joints = False  # whether the motion at hand takes a literal as joints
         self.lines: Lines = []
 
     def look(self, pos: int, text: str) -> None:
@@ -47,20 +50,68 @@ class LineProgram(FileReading):
         """A motion with the tool that is set there, and the frame, if none is stated."""
         self.moves(pos, names, self.active.at("tool", pos), frame or self.active.at("frame", pos))
 
+    def is_joints(self, literal: re.Match[str]) -> bool | None:
+        """Whether a literal is joints; None where it does not say so itself."""
+        return None
+
+    def goal(self, pos: int, text: str) -> list[str]:
+        """The names of a goal of a motion."""
+        for pattern, axes in self.shifts:
+            if (shift := pattern.fullmatch(text)) is not None:
+                names = self.goal(pos + shift.start("goal"), shift["goal"])
+                unit = -1 if shift.groupdict().get("sign") == "-" else 1
+                self.step(pos, text, shift["by"], names, axes, unit)
+                return names
+        if (literal := self.literal.fullmatch(text)) is not None:
+            (key, label), joints = self.inline(pos), self.is_joints(literal)
+            self.add_literal(pos, literal, key, label, joints=self.joints if joints is None else joints)
+            return [one.name for one in self.reading.positions[-1:] if one.name == key]
+        self.damaged(pos, text, self.inline(pos)[1])
+        return self.names.goals(self, pos, text)
+
+    def damaged(self, pos: int, text: str, label: str) -> None:
+        """A text that begins as a literal and is none: a position that is not understood, unless it is
+        computed, of names."""
+        begin = self.begin.match(text)
+        numbers = "" if begin is None else text[begin.end() :]
+        if words_in(numbers) and not is_computed(numbers):
+            self.unread(pos, f"{label}: this position is not understood", label)
+
+    def add_literal(
+        self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
+    ) -> None:
+        """The position of a literal at `pos`."""
+        spans = numbers_in(literal["numbers"], pos + literal.start("numbers"))
+        self.six(pos, key, label, spans, joints=joints, register=register)
+
     def added(self, text: str) -> list[float]:
         """The numbers of a stored position that is no place, but an offset or a tool; empty of others."""
         keys = self.names.keys.get(self.names.plain(text), [])
         self.reading.added |= {*keys}
         return [value for one in self.reading.positions if one.name in keys for value in one.values]
 
+    def step(
+        self,
+        pos: int,
+        text: str,
+        by: str,
+        names: Sequence[str] = (),
+        axes: What | None = None,
+        unit: float = 1,
+    ) -> None:
+        """A relative motion by mm of what a text means, from a goal or from where the arm is; it is not in
+        numbers where it rotates too."""
+        literal = self.literal.fullmatch(by)
+        numbers = self.added(by) if literal is None else values_in(literal["numbers"])
+        plain = len(numbers) >= 3 and not any(numbers[3:6])
+        self.relative(pos, text[:40], names, [unit * each for each in numbers[:3]] if plain else None, axes)
+
 
 class Script(LineProgram):
-    """One program. A language has the patterns: `literal` has the group `numbers`, `begin` is how one begins
-    that says what it is, `assign` has `name`, `index` and `value`, `move` ends where its arguments begin,
-    `refused` are words that set tools or frames. `kinds` say whether motions take a name as joints."""
+    """One program. A language has the patterns: `assign` has `name`, `index` and `value`, `move` ends where
+    its arguments begin, `refused` are words that set tools or frames. `kinds` say whether motions take a name
+    as joints."""
 
-    literal: re.Pattern[str]
-    begin = re.compile(r"(?!)")
     assign: re.Pattern[str]
     move: re.Pattern[str]
     refused: re.Pattern[str]
@@ -69,24 +120,18 @@ class Script(LineProgram):
     def __init__(self, file: SourceFile, reading: BackupReading, names: PositionNames | None = None) -> None:
         super().__init__(file, reading, names or PositionNames(self.word))
         self.kinds: dict[str, set[bool]] = {}
-        self.joints = False  # whether the motion at hand takes a literal as joints
-
-    # What a language says
-
-    def is_joints(self, literal: re.Match[str]) -> bool | None:
-        """Whether a literal is joints; None where it does not say so itself."""
-        raise NotImplementedError
 
     def setting(self, pos: int, text: str) -> None:
         """A line that may set the tool or the frame."""
 
     def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
-        """Those of the arguments that are goals."""
-        raise NotImplementedError
+        """Those of the arguments that are goals: two of a circle."""
+        return arguments[: 2 if move["kind"].endswith("c") else 1]
 
     def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
-        """A motion, with its arguments."""
-        raise NotImplementedError
+        """A motion, with its arguments: of goals in the base, by default."""
+        names = [name for at, text in self.goals_of(move, arguments) for name in self.goal(at, text)]
+        self.goes(pos, names, "base")
 
     def takes_joints(self, move: re.Match[str]) -> bool:
         """Whether a literal that does not say it is joints in this motion."""
@@ -103,10 +148,7 @@ class Script(LineProgram):
 
     def scan(self, start: int = 0, end: int | None = None) -> None:
         """Prepare its lines from one place to another, of which brackets that are open go on."""
-        parts = split_arguments(self.file.bare[start:end], "\n;")
-        lines = [
-            (start + at + len(part) - len(part.lstrip()), part.strip()) for at, part in parts if part.strip()
-        ]
+        lines = [line for line in parts_of(self.file.bare, start, end, "\n;") if line[1]]
         for pos, text in lines:
             if len(re.findall(r"[\[({]", text)) != len(re.findall(r"[\])}]", text)):
                 self.unread(pos, "a bracket is not closed, or not opened")
@@ -139,22 +181,6 @@ class Script(LineProgram):
         at = pos + assign.start("value")
         return self.add_literal(at, literal, key, name, joints=kinds == {True}, register=True)
 
-    def damaged(self, pos: int, text: str, label: str) -> None:
-        """A text that begins as a literal and is none: a position that is not understood, unless it is
-        computed, of names."""
-        begin = self.begin.match(text)
-        words = [] if begin is None else words_in(text[begin.end() :])
-        numbers = [word for word in words if not re.match(r"[^\W\d]", word)]
-        if numbers and (numbers == words or not all(re.fullmatch(NUMBER, word) for word in numbers)):
-            self.unread(pos, f"{label}: this position is not understood", label)
-
-    def add_literal(
-        self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
-    ) -> None:
-        """The position of a literal at `pos`."""
-        spans = numbers_in(literal["numbers"], pos + literal.start("numbers"))
-        self.six(pos, key, label, spans, joints=joints, register=register)
-
     def statement(self, pos: int, text: str) -> None:
         if (refused := self.refused.search(text)) is not None:
             sentence = f"{' '.join(refused[0].split())}: tools or frames are set when the program runs"
@@ -177,28 +203,3 @@ class Script(LineProgram):
             if not fixed and (plain in self.names.keys or plain in self.kinds or self.names.elements(name)):
                 self.names.changed(self, pos, name)
             self.names.used(self, pos, assign["index"] + assign["value"])
-
-    def goal(self, pos: int, text: str) -> list[str]:
-        """The names of a goal of a motion."""
-        if (literal := self.literal.fullmatch(text)) is not None:
-            (key, label), joints = self.inline(pos), self.is_joints(literal)
-            self.add_literal(pos, literal, key, label, joints=self.joints if joints is None else joints)
-            return [one.name for one in self.reading.positions[-1:] if one.name == key]
-        self.damaged(pos, text, self.inline(pos)[1])
-        return self.names.goals(self, pos, text)
-
-    def step(
-        self,
-        pos: int,
-        text: str,
-        by: str,
-        names: Sequence[str] = (),
-        axes: What | None = None,
-        unit: float = 1,
-    ) -> None:
-        """A relative motion by mm of what a text means, from a goal or from where the arm is; it is not in
-        numbers where it rotates too."""
-        literal = self.literal.fullmatch(by)
-        numbers = self.added(by) if literal is None else values_in(literal["numbers"])
-        plain = len(numbers) >= 3 and not any(numbers[3:6])
-        self.relative(pos, text[:40], names, [unit * each for each in numbers[:3]] if plain else None, axes)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ...model.kinematics.orientation import from_rotation_vector
 from .position import BackupReading, pose_of
-from .script import Lines, Script
+from .script import Script
 from .statement_text import NUMBER, arguments_of, values_in
 
 _LIST = rf"{NUMBER}(?:\s*,\s*{NUMBER})*"
@@ -72,13 +72,6 @@ class UrProgram(Script):
         self, pos: int, literal: re.Match[str], key: str, label: str, *, joints: bool, register: bool = False
     ) -> None:
         super().add_literal(pos, literal, key, label, joints=joints, register=register and not joints)
-
-    def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
-        return arguments[: 2 if move["kind"].endswith("c") else 1]
-
-    def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:
-        names = [name for at, text in self.goals_of(move, arguments) for name in self.goal(at, text)]
-        self.goes(pos, names, "base")
 
     def other(self, pos: int, text: str) -> None:
         if (speed := re.search(r"\b(?:speed[jl]|force_mode)\s*\(", text)) is not None:

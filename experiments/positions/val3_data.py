@@ -15,14 +15,10 @@ from .statement_text import NUMBER, Span
 
 _ROOTS = ("world[0]", "flange[0]")
 _TAG = re.compile(r"<(?P<tag>[\w:.-]+)(?P<rest>(?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")
-_ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*([\"'])(.*?)\2", re.DOTALL)
 _REMARK = re.compile(r"<!--.*?-->", re.DOTALL)
 _PLAIN = ("joint", "point", "tool", "frame")
-_KINDS = {
-    "jointrx": "joint",
-    "pointrx": "point",
-    **{kind: kind for kind in ("joint", "point", "tool", "frame")},
-}
+_KINDS = {"jointrx": "joint", "pointrx": "point", **dict(zip(_PLAIN, _PLAIN, strict=True))}
 _POSE, _WORDS = ("x", "y", "z", "rx", "ry", "rz"), ("shoulder", "elbow", "wrist")
 
 
@@ -58,11 +54,9 @@ def read_data(here: FileReading, names: Val3Names) -> None:
     kind = name = father = ""
     text = _REMARK.sub(lambda remark: re.sub(r"[^\n]", " ", remark[0]), file.text)
     for tag in _TAG.finditer(text):
-        attributes = {
-            key[1]: (key[2] or key[3] or "", key) for key in _ATTRIBUTE.finditer(text, *tag.span("rest"))
-        }
-        words = {key: value for key, (value, _) in attributes.items()}
-        spans = {key: each.span(2 if each[2] is not None else 3) for key, (_, each) in attributes.items()}
+        attributes = list(_ATTRIBUTE.finditer(text, *tag.span("rest")))
+        words = {each[1]: each[3] for each in attributes}
+        spans = {each[1]: each.span(3) for each in attributes}
         if tag["tag"] == "Data" or (tag["tag"] in _KINDS and "name" in words):
             kind = _KINDS.get(words.get("type", tag["tag"]).lower(), "")
             name, father = words.get("name", ""), ""
@@ -91,21 +85,14 @@ def _datum(here: FileReading, one: _Datum, poses: dict[str, _Datum], names: Val3
             here.frame(one.pos, what, names.scoped(plain), pose, "it is not in six numbers")
     elif one.kind and spans:
         numeric = all(re.fullmatch(NUMBER, file.text[slice(*span)]) for span in spans)
-        if (
-            len(spans) < 6
-            or not numeric
-            or plain in names.keys
-            or any(re.fullmatch(r"j[7-9]", k) for k in one.fields)
-        ):
+        seven = any(re.fullmatch(r"j[7-9]", key) for key in one.fields)
+        if len(spans) < 6 or not numeric or plain in names.keys or seven:
             sentence = f"{one.name} states {len(spans)} numbers, or is there twice: write out six of it"
             return here.unread(one.pos, sentence, one.name)
         key, words = f"{names.scope}:{plain}", [one.fields[word] for word in _WORDS if word in one.fields]
         names.store(plain, key)
-        if (
-            any(re.fullmatch(r"[sew](?:same|free)|", file.text[slice(*word)]) for word in words)
-            or len(words) < 3
-        ):
-            words = []
+        free = any(re.fullmatch(r"[sew](?:same|free)|", file.text[slice(*word)]) for word in words)
+        words = [] if free or len(words) < 3 else words
         frame = None if one.kind == "joint" else names.scoped(names.plain(one.father))
         here.six(one.pos, key, one.name, spans, words, joints=one.kind == "joint", frame=frame)
 
@@ -116,9 +103,8 @@ def _pose(
     """(4, 4) of a tool in the flange, or of a frame in the world; None where it is not in numbers."""
     if name in _ROOTS:
         return np.eye(4)
-    texts = [
-        file.text[slice(*poses[name].fields[k])] for k in _POSE if name in poses and k in poses[name].fields
-    ]
+    fields = poses[name].fields if name in poses else {}
+    texts = [file.text[slice(*fields[key])] for key in _POSE if key in fields]
     if len(texts) < 6 or depth > 20 or not all(re.fullmatch(NUMBER, text) for text in texts):
         return None
     father = _pose(file, names.plain(poses[name].father), poses, names, depth + 1)

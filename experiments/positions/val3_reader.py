@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 from .position import BackupReading, FileReading, What
 from .position_names import stem_of
-from .script import Lines, Script
-from .statement_text import NUMBER, arguments_of
+from .script import Script
+from .statement_text import NUMBER, Lines, arguments_of
 from .val3_data import Val3Names, read_data
 
 _CODE = re.compile(r"<(Code|code)\b[^>]*>(?:\s*<!\[CDATA\[)?(.*?)(?:\]\]>\s*)?</\1>", re.DOTALL)
@@ -57,22 +57,18 @@ class Val3Program(Script):
     refused = re.compile(r"\b(?:setFrame|link|alter|setLatch)\s*\(")
     word = re.compile(r"(?<![\w.\"'$:])[A-Za-z_]\w*(?:\s*\[[^\]]*\])?(?!\w)")
 
-    def is_joints(self, literal: re.Match[str]) -> bool | None:
-        return None
-
     def assigned(self, pos: int, assign: re.Match[str]) -> None:
         """Data have their values before; what a program assigns overwrites them."""
 
-    def goals_of(self, move: re.Match[str], arguments: Lines) -> Lines:
-        return arguments[: 2 if move["kind"] == "c" else 1]
-
     def statement(self, pos: int, text: str) -> None:
         assign = self.assign.fullmatch(text)
-        if assign is not None and self.names.kinds.get(stem_of(self.names.plain(assign["name"]))) in ("tool", "frame"):
+        if assign is not None and self.names.kinds.get(stem_of(self.names.plain(assign["name"]))) in (
+            "tool",
+            "frame",
+        ):
             return self.refuse(pos, f"{assign['name']} is set when the program runs")
         if assign is not None and self.names.plain(assign["name"]) in self.names.keys:
-            key = self.names.of(self.file, assign["name"])[0]
-            return self.overwrites(pos, key, assign["name"])
+            return self.names.changed(self, pos, assign["name"])
         return super().statement(pos, text)
 
     def motion(self, pos: int, move: re.Match[str], arguments: Lines) -> None:

@@ -148,6 +148,22 @@ def test_kuka_points_that_cannot_be_used(kuka, refused):
     assert "is incomplete" in refused(kuka, "", text=kuka_list(text).replace("ENDDAT", "")).what
 
 
+def test_points_that_a_program_beside_overwrites_are_left_out(kuka, refused, tmp_path):
+    text = kuka_point("XP1", POSTURES[0]) + kuka_point("XP2", POSTURES[1])
+    assert len(kuka(text).shots) == 2
+    (tmp_path / "shots.src").write_text("DEF shots()\nPTP XP1\nXP2.A1=XP2.A1+5\nPTP XP2\nEND\n")
+    found = kuka(text)
+    np.testing.assert_array_equal(joints(found), POSTURES[:1])
+    left_out = "note: left out, overwritten when the program runs (shots.src, line 3): line 6 (XP2)"
+    assert f"  {left_out}" in found.understood
+    named = kuka(text, ["XP2"])
+    assert (
+        "  note: XP2 is as stored: overwritten when the program runs (shots.src, line 3)" in named.understood
+    )
+    (tmp_path / "shots.src").write_text("DEF shots()\nXP1=$AXIS_ACT\nXP2=$AXIS_ACT\nEND\n")
+    assert "overwritten when the program runs (shots.src, line 2)" in refused(kuka, text).found
+
+
 def test_limits_hold_for_points_too(kuka, refused):
     far = POSTURES.copy()
     far[1, 4] = 140

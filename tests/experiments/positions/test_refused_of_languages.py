@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from made_backups import DIALECTS, ENTERED, MadeBackup, kept, written
 
+from zerobeam.experiments.converted_programs import shown_programs
 from zerobeam.experiments.positions import arm_change
 from zerobeam.experiments.positions.position import BackupReading, FileReading
 
@@ -28,7 +29,30 @@ class Case:
     checked: bool = True  # whether it would be written without the check
 
 
+INIT, HEAD = "BAS (#INITMOV,0 )\r\n", "   1:  !P[9]=LPOS    ;\n"
 CASES: dict[str, dict[str, Case]] = {
+    "KRL": {  # positions in a .dat, what becomes of them in the .src beside it
+        "axis": Case(INIT, INIT + "XP1.A1=XP1.A1+5\r\n", "the program overwrites the stored position XP1"),
+        "blanks": Case(INIT, INIT + "XP2 . Z = 5\r\n", "the program overwrites the stored position XP2"),
+        "by a call": Case(INIT, INIT + "CALC(XP2)\r\n", "XP2 is used by this statement"),
+        "on a branch": Case(INIT, INIT + "RETURN XP2\r\n", "XP2 is used by this statement"),
+        "tool data": Case(INIT, INIT + "TOOL_DATA[1].Z=5\r\n", "TOOL_DATA[1] is set when the program runs"),
+        "elsewhere": Case("PTP XP1\r\n", "PTP $AXIS_ACT\r\nPTP GRID[I]\r\n", "GRID[I] is computed"),
+    },
+    "TP": {
+        "which one": Case(
+            HEAD, HEAD + "  98:  P[R[1]]=LPOS    ;\n", "P[R[1]]: which position is overwritten"
+        ),
+        "on a branch": Case(HEAD, HEAD + "  98:  IF R[1]=1,P[1]=LPOS    ;\n", "the program overwrites the"),
+        "registers": Case(HEAD, HEAD + "  98:  PR[R[1]]=LPOS    ;\n", "PR[R[1]] is computed"),
+    },
+    "RAPID": {
+        "overwritten": Case("    TPWrite", "    P1:=CJointT();\r\n    TPWrite", "the program overwrites the"),
+        "on a branch": Case("    TPWrite", "    IF a P1:=p;\r\n    TPWrite", "the program overwrites the"),
+        "by a call": Case("    TPWrite", "    calc P1;\r\n    TPWrite", "P1 is used by this statement"),
+        "tool by a call": Case("    TPWrite", "    calc tTorch;\r\n    TPWrite", "tTorch is used by this"),
+        "tool data": Case("    TPWrite", "    tTorch.tframe:=p;\r\n    TPWrite", "tTorch is set when the"),
+    },
     "INFORM": {
         "cut off": Case("END\r\n", "", "1: this is no whole job", checked=False),
         "lost position": Case("NPOS 2,", "NPOS 3,", "4: ///NPOS states 3 C and 0 P; there are (2, 0)"),
@@ -56,6 +80,7 @@ CASES: dict[str, dict[str, Case]] = {
         "compound": Case("  DELAY 1", "  LMOVE a+b\r\n  DELAY 1", "a+b is computed"),
         "stored": Case("  DELAY 1", "  POINT z = a+b\r\n  DELAY 1", "a+b is computed"),
         "any of an array": Case("  DELAY 1", "  LMOVE a[.i]\r\n  DELAY 1", "a[.i] is computed"),
+        "frame at run time": Case("  DELAY 1", "  HERE jig\r\n  DELAY 1", "jig is set when the program"),
         "home": Case("  DELAY 1", "  HOME\r\n  DELAY 1", "HOME is stored in the controller"),
         "half a literal": Case("  DELAY 1", "  JMOVE #[1,2,3,4,5,\r\n  DELAY 1", "this position is not"),
     },
@@ -74,6 +99,10 @@ CASES: dict[str, dict[str, Case]] = {
         "relative": Case("Fend", "  Go P0 +Z(50)\r\nFend", "P0 +Z(50)"),
         "step": Case("Fend", "  TMove XY(0,0,5,0)\r\nFend", "TMove"),
         "computed": Case("Fend", "  Go P(n)\r\nFend", "P(n) is computed"),
+        "other points": Case(
+            "Fend", '  ImportPoints "a.pts", "b.pts"\r\nFend', "ImportPoints changes points"
+        ),
+        "in a loop": Case("Fend", "  For i=0 To 1: P(i)=Here: Next\r\nFend", "P is used by this"),
         "here": Case("Fend", "  Go Here +Z(50)\r\nFend", "Here +Z(50) is computed"),
         "call": Case("Fend", "  Call pick(P0)\r\nFend", "P0 is used by this"),
     },
@@ -83,9 +112,10 @@ CASES: dict[str, dict[str, Case]] = {
         "turns": Case("Dly 0.5", "P9=(1,2,3,4,5,6)(7,1)", "P9: turns of joints"),
         "external axis": Case("Dly 0.5", "J9=(1,2,3,4,50,6,7)", "J9 has positions of external axes"),
         "base": Case("Dly 0.5", "Base P9", "Base: tools, frames or pallets"),
+        "tool variable": Case("Dly 0.5", "PGrip.Z=5", "PGrip is set when the program runs"),
         "tool by number": Case("Dly 0.5", "M_Tool=2", "M_Tool=: tools, frames"),
         "system": Case("Dly 0.5", "P_Tool=P9", "P_Tool=: tools, frames"),
-        "which one": Case("Dly 0.5", "PA(1)=(1,2,3,4,5,6)(7,0)\r\nPA(M1)=P_Curr", "PA(M1): which position is"),
+        "which one": Case("Dly 0.5", "PA(1)=(1,2,3,4,5,6)(7,0)\r\nPA(M1)=P_Curr", "PA(M1): which"),
         "relative": Case("Dly 0.5", "Mov J9, -50", "Mov J9, -50"),
         "compound": Case("Dly 0.5", "Mov P8*P9", "P8*P9"),
         "computed": Case("Dly 0.5", "Mov PB(M1)", "PB(M1) is computed"),
@@ -118,6 +148,8 @@ CASES: dict[str, dict[str, Case]] = {
         "frame at run time": Case(
             "  waitEnd", "  fJig.trsf=fA.trsf\r\n  waitEnd", "fJig is set when the program"
         ),
+        "any frame": Case("  waitEnd", "  fJig[i].trsf.z=5\r\n  waitEnd", "fJig[i] is set when the program"),
+        "an array": Case("  waitEnd", "  insert(pP1,1)\r\n  waitEnd", "pP1 is used by this"),
         "linked": Case("  waitEnd", "  link(pA, fJig)\r\n  waitEnd", "link(: tools or frames are set"),
         "any tool": Case(
             "  waitEnd",
@@ -142,6 +174,8 @@ CASES: dict[str, dict[str, Case]] = {
         "any frame": Case("wait(0.5)", "movel(posx(1,2,3,4,5,6), ref=u)", "the frame of this motion is set"),
         "five numbers": Case("wait(0.5)", "movej(posj(1,2,3,4,5))", "line 9 has 5 numbers"),
         "overwritten": Case("wait(0.5)", "P1[2] += 10", "the program overwrites the stored position P1"),
+        "on a branch": Case("wait(0.5)", "if a: P1 = b", "P1 is used by this"),
+        "in a loop": Case("wait(0.5)", "for P1 in points:", "P1 is used by this"),
         "two values": Case("wait(0.5)", "P1 = posx(1,2,3,4,5,6)", "P1 has several values"),
         "computed": Case("wait(0.5)", "movel(add_pose(P1, d))", "add_pose(P1, d) is computed"),
         "elsewhere": Case("wait(0.5)", "movej(Global_P1)", "global_p1 is stored elsewhere"),
@@ -162,6 +196,8 @@ CASES: dict[str, dict[str, Case]] = {
         "axes": Case("  GiveArm", "  DriveA (1, 90)", "line 18 has 2 numbers"),
         "which one": Case("  GiveArm", "  P[n] = CurPos", "P[n]: which position is overwritten"),
         "overwritten": Case("  GiveArm", "  LetX P1 = 10", "the program overwrites the stored position P1"),
+        "on a branch": Case("  GiveArm", "  If a Then P1 = CurPos", "P1 is used by this"),
+        "component": Case("  GiveArm", "  PosX(P1) = 5", "P1 is used by this"),
         "two values": Case("  GiveArm", "  P1 = P(1,2,3,4,5,6,5)", "P1 has several values"),
         "relative": Case("  GiveArm", "  Move L, P1 + P(0,0,9,0,0,0)", "P1 + P(0,0,9,0,0,0)"),
         "approach": Case("  GiveArm", "  Approach L, P1, h", "Approach L P1 h"),
@@ -289,3 +325,19 @@ def test_words_that_are_not_published_must_not_change(
     assert kept(tmp_path, dialect.robot, -ENTERED, **backup.options).converted
     monkeypatch.setattr(arm_change, "_sides_of_wrist", lambda joints: [])
     assert kept(tmp_path, dialect.robot, **backup.options).converted
+
+
+@pytest.mark.parametrize(("language", "data"), [("SPEL+", "robot1.pts"), ("VAL3", "usrapp/work/work.dtx")])
+def test_a_data_file_alone_is_read_with_the_programs_beside_it(
+    language: str, data: str, tmp_path: Path
+) -> None:
+    backup, case = _made(language), CASES[language]["overwritten"]
+    program, text = next((name, text) for name, text in backup.texts.items() if case.old in text)
+    written(replace(backup, texts=backup.texts | {program: text.replace(case.old, case.new, 1)}), tmp_path)
+    said = shown_programs(tmp_path / data)
+    assert [(one.file, one.sentence[:22]) for one in said.refused] == [
+        (Path(program).name, "the program overwrites")
+    ]
+    assert any(row.tool for row in said.positions)
+    (tmp_path / program).unlink()
+    assert shown_programs(tmp_path / data).refused == ()
