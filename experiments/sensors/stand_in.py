@@ -9,17 +9,13 @@ import os
 import select
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.whole_file import Closing
 from .amplifier import IDENTITY, LONGEST, MOST_SAMPLES, PsdSample, parse_request, sample_line, with_checksum
-from .controller_sensors import Sensors
-from .sensors_file import read_calibration
 
 _POLL_S = 0.02
 
@@ -107,17 +103,3 @@ class AmplifierStandIn(Closing):
         while line and not self._over.is_set():
             if select.select([], [self._near], [], _POLL_S)[1]:
                 line = line[os.write(self._near, line) :]
-
-
-def stand_ins(opened: ExitStack, sensors: Sensors, calibration: Path) -> dict[str, str]:
-    """By target: the serial port at which an amplifier of this calibration sends what its PSD reads."""
-    calibrated = read_calibration(calibration)
-
-    def counts(target: str) -> Callable[[int], Matrix]:
-        kind = sensors.psds[target].kind
-        return lambda samples: calibrated.counts(sensors.currents(target, samples), kind)
-
-    return {
-        target: opened.enter_context(AmplifierStandIn(calibrated.amplifier, counts(target))).device
-        for target in sensors.psds
-    }

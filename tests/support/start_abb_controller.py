@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import signal
 import threading
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,9 @@ from abb_controller.sensor_server import CellSensors
 from abb_controller.service import LOOPBACK, SimulatedController, own_plan
 
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile, read_cell
-from zerobeam.experiments.sensors.stand_in import stand_ins
+from zerobeam.experiments.sensors.sensors_file import read_calibration
+from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import read_plan
 
 say = partial(print, flush=True)
@@ -55,6 +58,20 @@ def serve(stated: argparse.Namespace) -> None:
             say(f"PSD amplifier of {target}: {device}")
         say("Ctrl-C ends it.")
         threading.Event().wait()
+
+
+def stand_ins(opened: ExitStack, sensors: CellSensors, calibration: Path) -> dict[str, str]:
+    """By target: the serial port at which an amplifier of this calibration sends what its PSD reads."""
+    calibrated = read_calibration(calibration)
+
+    def counts(target: str) -> Callable[[int], Matrix]:
+        kind = sensors.psds[target].kind
+        return lambda samples: calibrated.counts(sensors.currents(target, samples), kind)
+
+    return {
+        target: opened.enter_context(AmplifierStandIn(calibrated.amplifier, counts(target))).device
+        for target in sensors.psds
+    }
 
 
 if __name__ == "__main__":
