@@ -25,8 +25,8 @@ PROBE = {
 
 
 @cache
-def made(shots: int, spot_mm: float = 0.12, scale: str = "known") -> MadePlan:
-    noise = {"joint_deg": 0.01, "spot_mm": spot_mm, "scale": scale}
+def made(shots: int, scale: str = "known") -> MadePlan:
+    noise = {"joint_deg": 0.01, "spot_mm": 0.12, "scale": scale}
     header = Header.model_validate({**PROBE, "noise": noise})
     return make_plan(plan_request(header=header, target=None, shots=shots), None, lambda *_: None)
 
@@ -66,7 +66,7 @@ def test_too_few_measurements_are_named_with_the_number_that_is_enough() -> None
 
 
 def test_noise_that_is_estimated_needs_degrees_of_freedom() -> None:
-    known, estimated = made(9).checked, made(9, scale="estimated").checked
+    known, estimated = made(8).checked, made(8, scale="estimated").checked
     assert known is not None
     assert estimated is not None
     tolerance = {"deg": 0.1, "mm": 1.0}
@@ -82,7 +82,7 @@ def test_noise_that_is_estimated_needs_degrees_of_freedom() -> None:
 
 
 def test_where_no_number_is_enough_none_is_stated() -> None:
-    coarse = made(12, spot_mm=0.12).checked
+    coarse = made(8).checked
     assert coarse is not None
     lacking = lacking_test(coarse.aimed.aimed.problem, coarse.aimed.x, {"deg": 1e-4, "mm": 1.0})
     assert lacking is not None

@@ -238,6 +238,7 @@ def plan_is_free(request: PlanRequest) -> None:
 
 
 @pytest.mark.parametrize("arm", ["irb1600", "lrmate_200id"])
+@pytest.mark.one_in(2)
 def test_few_measurements_of_a_new_calibration_have_free_beams(arm: str) -> None:
     plan_is_free(proposed(arm, "front", candidates=200, shots=8, tolerance=None))
 
