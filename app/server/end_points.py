@@ -162,7 +162,8 @@ def description() -> Schema:
     whole: Any = TypeAdapter.json_schemas(adapters, by_alias=True, ref_template=_REF)
     made, definitions = whole[0], whole[1].get("$defs", {})
     for definition in definitions.values():
-        if "plan" in definition.get("properties", {}) and definition is not definitions["PlanFile"]:
+        sent_plan = definition.get("properties", {}).get("plan", {})
+        if sent_plan.get("type") == "object":  # the content of a plan file, which is checked as one
             definition["properties"]["plan"] = {"$ref": _REF.format(model="PlanFile")}
     paths: dict[str, Schema] = {}
     for each in operations:

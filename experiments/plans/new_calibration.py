@@ -18,7 +18,7 @@ from ...model.instruments.registry import KINDS, kind_names, kind_of
 from ...model.kinematics.pendant import spread_postures, within_limits
 from ...model.kinematics.robot import Robot
 
-PlaceKind = Literal["front", "table", "floor", "point"]
+PlaceKind = Literal["front", "floor", "point"]
 
 JOINT_DEG = 0.01  # noise of a joint
 SPOT_MM = 0.05  # noise of a spot, or of the seat of a tip
@@ -43,8 +43,7 @@ class PlaceChoice:
 
 PLACES: tuple[PlaceChoice, ...] = (
     PlaceChoice("front", "On a stand in front of the arm, its face up and towards the arm", (-0.5, 0.0, 1.0)),
-    PlaceChoice("table", "On a table in front of the arm, as high as its mounting face", (0.0, 0.0, 1.0)),
-    PlaceChoice("floor", "On the floor in front of the arm", (0.0, 0.0, 1.0)),
+    PlaceChoice("floor", "On the floor or table that the arm stands on, in front of it", (0.0, 0.0, 1.0)),
     PlaceChoice("point", "At a point that I state", (0.0, 0.0, 1.0)),
 )
 

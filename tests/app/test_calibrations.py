@@ -24,7 +24,7 @@ def test_what_can_be_chosen(client: TestClient) -> None:
     choices = client.get("/api/calibrations/choices").json()
     assert [row["name"] for row in choices["instruments"]] == list(KINDS)
     assert {row["name"]: row["about"] for row in choices["instruments"]}["dial"].startswith("A dial gauge")
-    assert [row["kind"] for row in choices["places"]] == ["front", "table", "floor", "point"]
+    assert [row["kind"] for row in choices["places"]] == ["front", "floor", "point"]
 
 
 @pytest.mark.parametrize("instrument", list(KINDS))
@@ -61,22 +61,22 @@ def test_places_are_about_the_arm(client: TestClient, root: Path) -> None:
         reach = reach_of(robot)
         far = max(np.hypot(*robot.fk(np.zeros(robot.n), "deg")[:2, 3]), 100.0)
         assert far * 0.3 < reach < 4000
-        front, table, floor = (place_of(kind, robot, None) for kind in ("front", "table", "floor"))
-        assert front[2] > 0 >= table[2] == floor[2] == -(robot.conventions.below_base or 0)
+        front, floor = (place_of(kind, robot, None) for kind in ("front", "floor"))
+        assert front[2] > 0 >= floor[2] == -(robot.conventions.below_base or 0)
     at = {"kind": "point", "point_mm": [700, 50, -20], "facing": [0, 1, 1]}
     made = client.post("/api/calibrations", json=WHOLE | {"place": at, "measurements": 12}).json()
     assert read_header(root / made["header"]).targets["psd"].guess_mm == (700, 50, -20)
     assert {"--facing=0,1,1", "--shots=12"} <= set(made["command"])
 
 
-def test_a_table_is_as_high_as_the_mounting_face(client: TestClient, root: Path) -> None:
+def test_the_floor_is_as_high_as_the_mounting_face(client: TestClient, root: Path) -> None:
     asked = {"robot": "lrmate_200id", "instrument": "laser"}
     proposal = client.post("/api/calibrations/proposal", json=asked).json()
     places = {row["kind"]: row["at_mm"] for row in proposal["places"]}
-    assert sorted(places) == ["floor", "front", "table"]
-    assert places["table"][2] == -330  # its base frame is on axis 2, 330 mm above
-    made = client.post("/api/calibrations", json=WHOLE | asked | {"place": {"kind": "table"}}).json()
-    assert list(read_header(root / made["header"]).targets["psd"].guess_mm or ()) == places["table"]
+    assert sorted(places) == ["floor", "front"]
+    assert places["floor"][2] == -330  # its base frame is on axis 2, 330 mm above
+    made = client.post("/api/calibrations", json=WHOLE | asked | {"place": {"kind": "floor"}}).json()
+    assert list(read_header(root / made["header"]).targets["psd"].guess_mm or ()) == places["floor"]
 
 
 def test_decimals_of_a_stated_point_are_kept(client: TestClient, root: Path) -> None:

@@ -18,6 +18,7 @@ from ....analysis.observability.check import Check, Violation, WithoutPosture, w
 from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
 from ....experiments.plans.obstacles import read_obstacles, write_obstacles
+from ....experiments.rigs_offered import OfferedRun, offered_run
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
@@ -58,6 +59,7 @@ class ReadPlan(Versioned):
     plan: Annotated[Content, it("its content")]
     targets: Annotated[list[str], it("of its postures")]
     robot: DrawnArm
+    runs: Annotated[OfferedRun, it("what can carry it out")]
     notes: list[str]
 
 
@@ -82,6 +84,7 @@ class PostureScene:
     reaches: Annotated[bool, it("beam or probe comes to the target")]
     violations: Annotated[list[str], it("what it breaks of the plan's constraints, in words")]
     touches: list[str]
+    blocked: Annotated[bool, it("the arm or a box is in the way of the beam, or of a line of sight")]
     sights: Annotated[list[list[list[float]]], it("lines to what an instrument measures")]
     axes: Annotated[list[list[float]] | None, it("n unit vectors, of the joints; with `links`"), if_any] = (
         None
@@ -187,6 +190,7 @@ def plan_file(folder: Folder, file: str) -> ReadPlan:
         plan=document.data,
         targets=list(read.called),
         robot=arm_of(arm),
+        runs=offered_run(read, arm.vendor),
         notes=[*notes, *read.warnings],
     )
 
@@ -463,6 +467,10 @@ def _scene(aimed: AimedPlan, violations: Sequence[Violation], *, links: bool) ->
                 for one in broken_in[i]
                 if one.constraint == "obstacles" and one.via is None and not one.planned
             ],
+            blocked=any(
+                one.condition in ("arm", "beam", "sight") and one.via is None and not one.planned
+                for one in broken_in[i]
+            ),
         )
         for i in range(len(joints))
     ]

@@ -32,6 +32,14 @@ from ..versions import Versioned, version_of
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
 _MOST_NAMED = 5  # measurements, in the name of a file
 
+RunOfFolder = Annotated[str, it("a run file below the folder")]
+NumbersLeftOut = Annotated[
+    tuple[int, ...],
+    BeforeValidator(as_tuple),
+    it("numbers of the measurements to leave out"),
+    Field(max_length=MOST_MEASUREMENTS),
+]
+
 
 @dataclass(frozen=True)
 class FittedRun:
@@ -95,13 +103,8 @@ class Refit:
 )
 def refit(
     folder: Folder,
-    run: Annotated[str, it("a run file below the folder")],
-    without: Annotated[
-        tuple[int, ...],
-        BeforeValidator(as_tuple),
-        it("numbers of the measurements to leave out"),
-        Field(max_length=MOST_MEASUREMENTS),
-    ] = (),
+    run: RunOfFolder,
+    without: NumbersLeftOut = (),
 ) -> Refit:
     """The answer `without` some measurements."""
     fitted_run = fitted(folder.file(run))
@@ -148,13 +151,8 @@ class MadeRun(Versioned):
 )
 def save_without(
     folder: Folder,
-    run: Annotated[str, it("a run file below the folder")],
-    without: Annotated[
-        tuple[int, ...],
-        BeforeValidator(as_tuple),
-        it("numbers of the measurements to leave out"),
-        Field(min_length=1, max_length=MOST_MEASUREMENTS),
-    ],
+    run: RunOfFolder,
+    without: Annotated[NumbersLeftOut, Field(min_length=1)],
 ) -> MadeRun:
     """Write the run `without` some measurements; its provenance says which, and of what run."""
     path = folder.file(run)
