@@ -17,4 +17,5 @@ export default [
       "prefer-template": "error",
     },
   },
+  { files: ["app/page/**/*.js"], rules: { "max-len": ["error", { code: 120 }] } },
 ];

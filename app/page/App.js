@@ -12,7 +12,10 @@ import { StopBar } from "./measure/StopBar.js";
 import { Conflict } from "./parts/Conflict.js";
 import { Leaving } from "./parts/Leaving.js";
 
-/** What a step needs is fetched when it is opened. @type {Record<string, () => Promise<any>>} */
+/**
+ * What a step needs is fetched when it is opened.
+ * @type {Record<string, () => Promise<import("preact").ComponentType>>}
+ */
 const VIEWS = {
   new: () => import("./home/New.js").then((module) => module.New),
   import: () => import("./import/Import.js").then((module) => module.Import),
@@ -26,7 +29,7 @@ const WAITING = html`<p class="muted" role="status">…</p>`;
 
 /** @param {{of: string}} props */
 function View({ of }) {
-  const loaded = useSignal(/** @type {{of: string, view: any} | null} */ (null));
+  const loaded = useSignal(/** @type {{of: string, view: import("preact").ComponentType} | null} */ (null));
   useEffect(() => { VIEWS[of]().then((view) => { loaded.value = { of, view }; }, failed); }, [of]);
   return begun.value && loaded.value?.of === of ? html`<${loaded.value.view} />` : WAITING;
 }
@@ -34,17 +37,21 @@ function View({ of }) {
 /** Where the calibration is: its four steps. */
 function Rail() {
   const { name, step } = route.value, known = calibration.value;
-  const counts = { cell: "", plan: known?.files.plan.length ?? 0, measure: known?.files.run.length ?? 0, result: known?.files.result.length ?? 0 };
+  const counts = { cell: "", plan: known?.files.plan.length ?? 0, measure: known?.files.run.length ?? 0,
+    result: known?.files.result.length ?? 0 };
   return html`
     <nav class="rail" aria-label="Steps of the calibration">
       ${STEPS.map((one, i) => html`
-        <a key=${one} href=${toJob(name, one)} aria-current=${one === step ? "step" : undefined}><b>${i + 1}</b> ${capital(one)}${Number(counts[one]) > 1 && html` <small>${counts[one]}</small>`}</a>`)}
+        <a key=${one} href=${toJob(name, one)}
+          aria-current=${one === step ? "step" : undefined}>
+          <b>${i + 1}</b> ${capital(one)}${Number(counts[one]) > 1 && html` <small>${counts[one]}</small>`}</a>`)}
     </nav>`;
 }
 
 export function App() {
   const { view, name, step } = route.value, known = calibration.value;
-  const titles = { home: "Calibrations", new: "New calibration", import: "Import a recording", job: `${name === "." ? "This folder" : name}: ${step}` };
+  const titles = { home: "Calibrations", new: "New calibration", import: "Import a recording",
+    job: `${name === "." ? "This folder" : name}: ${step}` };
   const content = useRef(/** @type {HTMLElement | null} */ (null)), first = useRef(true);
   useEffect(() => {
     document.title = `${titles[view]} – zerobeam`;
@@ -55,20 +62,38 @@ export function App() {
   }, [view, name, step]);
   const missing = view === "job" && home.value !== null && known === null, drafts = missing ? lostDraftsOf(name) : [];
   // A draft is shown as the plan that it was, and stays while it is saved again.
-  const opened = drafts.length > 0 || (file.value !== "" && calibrationOf(file.value) === name), lost = missing && (step !== "plan" || !opened);
+  const opened = drafts.length > 0 || (file.value !== "" && calibrationOf(file.value) === name);
+  const lost = missing && (step !== "plan" || !opened);
   return html`
-    <a class="skip" href="#content" onClick=${(/** @type {Event} */ event) => { event.preventDefault(); content.current?.focus(); }}>To the content</a>
+    <a class="skip" href="#content"
+      onClick=${(/** @type {Event} */ event) => { event.preventDefault(); content.current?.focus(); }}>To the
+      content</a>
     <header class="top">
       <a class="brand" href="#/" aria-current=${view === "home" ? "page" : undefined}>zerobeam</a>
-      ${view === "job" ? html`<h1>${name === "." ? "This folder" : name}</h1><p class="muted about">${known && [known.model ?? known.robot, known.serial?.startsWith("none") ? null : known.serial, known.state.text].filter(Boolean).join(" · ")}</p>` : html`<h1>${titles[view]}</h1>`}
-      ${view === "home" ? html`<a class="button" href=${toImport()}>Import a recording</a>` : html`<a class="button" href="#/">All calibrations</a>`}
+      ${view === "job"
+        ? html`
+          <h1>${name === "." ? "This folder" : name}</h1>
+          <p class="muted about">
+            ${known
+              && [known.model ?? known.robot, known.serial?.startsWith("none") ? null : known.serial,
+                known.state.text].filter(Boolean)
+                .join(" · ")}</p>`
+        : html`<h1>${titles[view]}</h1>`}
+      ${view === "home" ? html`<a class="button" href=${toImport()}>Import a recording</a>`
+        : html`<a class="button" href="#/">All calibrations</a>`}
     </header>
-    ${fault.value && html`<p class="fault" role="alert">${fault.value} <button type="button" onClick=${() => { fault.value = ""; }}>Close</button></p>`}
+    ${fault.value && html`
+      <p class="fault" role="alert">
+        ${fault.value} <button type="button" onClick=${() => { fault.value = ""; }}>Close</button></p>`}
     <div class=${`body ${view}`}>
       ${view === "job" && html`<${Rail} />`}
       <main id="content" tabindex="-1" ref=${content}>
-        ${lost ? html`<p>There is no calibration of this name in the folder. <button type="button" onClick=${() => go("#/")}>All calibrations</button></p><${Drafts} drafts=${drafts} />`
-          : view === "home" ? (begun.value ? html`<${Home} />` : WAITING) : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
+        ${lost ? html`
+          <p>There is no calibration of this name in the
+            folder. <button type="button" onClick=${() => go("#/")}>All calibrations</button></p>
+          <${Drafts} drafts=${drafts} />`
+          : view === "home" ? (begun.value ? html`<${Home} />` : WAITING)
+            : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
       </main>
     </div>
     <${StopBar} />

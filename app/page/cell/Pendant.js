@@ -8,10 +8,15 @@ import { failed } from "../core/store.js";
 import { fixed, withUnit } from "../core/words.js";
 import { Joint3 } from "../parts/Joint3.js";
 import { Joints } from "../parts/Joints.js";
+import { Table } from "../parts/Table.js";
 
-const cells = (/** @type {number} */ digits, /** @type {string} */ unit, /** @type {number[]} */ of) => of.map((v) => withUnit(fixed(v, digits), unit)).join(", ");
+/** @param {number} digits @param {string} unit @param {number[] | null} of */
+const cells = (digits, unit, of) => (of ?? []).map((v) => withUnit(fixed(v, digits), unit)).join(", ");
 
-/** The rows that `zerobeam robot` prints. @param {any} pose @returns {[string, string, string][]} */
+/**
+ * The rows that `zerobeam robot` prints.
+ * @param {import("answers").ShownPose} pose @returns {[string, string, string][]}
+ */
 const forms = (pose) => [
   ["X, Y, Z", cells(2, "mm", pose.xyz_mm), "all"],
   ["q1, q2, q3, q4", cells(5, "", pose.quaternion_wxyz), "ABB"],
@@ -23,11 +28,13 @@ const forms = (pose) => [
 ];
 
 export function Pendant() {
-  const values = useSignal(/** @type {number[] | null} */ (null)), j3 = useSignal("pendant"), found = useSignal(/** @type {any} */ (null));
-  const content = plan.value, planned = content === null ? null : jointsOf(content, chosen.value ?? 0);
+  const values = useSignal(/** @type {number[] | null} */ (null)), j3 = useSignal("pendant");
+  const found = useSignal(/** @type {import("answers").DrawnArm | null} */ (null));
+  const content = plan.value, planned = content === null ? null : jointsOf(content, chosen.value);
   // As the plan has them they are counted from link to link; what is typed is as the pendant counts.
   const ask = useMemo(() => latest(
-    () => post("/api/robot", { robot: robotFrom(plan.value?.robot, file.value), j3: j3.value, ...(values.value ? { joints_deg: values.value } : { joints_deg: planned, as_in_files: true }) }),
+    () => post("/api/robot", { robot: robotFrom(plan.value?.robot ?? "", file.value), j3: j3.value,
+      ...(values.value ? { joints_deg: values.value } : { joints_deg: planned, as_in_files: true }) }),
     (answer) => {
       found.value = answer;
       values.value ??= [...answer.poses[0].counted_deg];
@@ -36,14 +43,28 @@ export function Pendant() {
   ), []);
   useEffect(() => { ask(); }, [values.value, j3.value]);
   if (!found.value || !values.value) return html`<p class="muted">…</p>`;
-  const pose = found.value.poses[0], joints = found.value.joints, given = values.value;
+  const { poses: [pose], joints, pendant } = found.value, given = values.value;
   return html`
-    <p class="muted">The flange in the base frame, without a tool. Compare it with the pendant at the same joint values.</p>
-    <${Joint3} value=${j3.value} usual="pendant" onValue=${(/** @type {string} */ value) => { values.value = null; j3.value = value; }} />
-    <${Joints} arm=${found.value} values=${given} beyond=${given.map((_, i) => pose.outside.includes(i + 1))} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { values.value = given.map((one, i) => (i === joint - 1 ? value : one)); }} />
+    <p class="muted">The flange in the base frame, without a tool. Compare it with the pendant at the same joint
+      values.</p>
+    <${Joint3} value=${j3.value} usual="pendant"
+      onValue=${(/** @type {string} */ value) => { values.value = null; j3.value = value; }} />
+    <${Joints} arm=${found.value} values=${given} beyond=${given.map((_, i) => pose.outside.includes(i + 1))}
+      onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => {
+        values.value = given.map((one, i) => (i === joint - 1 ? value : one));
+      }} />
     <p><button type="button" onClick=${() => { values.value = given.map(() => 0); }}>All to zero</button></p>
-    ${pose.outside.length > 0 && html`<p class="notes">Beyond the limits: ${pose.outside.map((/** @type {number} */ j) => found.value.pendant.names[j - 1]).join(", ")}</p>`}
-    <div class="scroll" tabindex="0" role="region" aria-label="Pose of the flange"><table><tbody>${forms(pose).map(([name, text, used]) => html`<tr><th scope="row">${name}</th><td class="copy">${text}</td><td class="muted">${used}</td></tr>`)}</tbody></table></div>
-    <div class="scroll" tabindex="0" role="region" aria-label="Joint table"><table><thead><tr><th scope="col">joint</th><th scope="col">name</th><th scope="col">kind</th><th scope="col" class="right">lower</th><th scope="col" class="right">upper</th><th scope="col" class="right">top speed</th></tr></thead>
-      <tbody>${joints.map((/** @type {any} */ joint, /** @type {number} */ i) => html`<tr><th scope="row">${found.value.pendant.names[i]}</th><td>${joint.name}</td><td>${joint.kind}</td>${[joint.lower, joint.upper].map((v) => html`<td class="right">${withUnit(String(Number(v.toFixed(2))), joint.unit)}</td>`)}<td class="right">${joint.speed === null ? "not stated" : `${withUnit(String(Number(joint.speed.toFixed(2))), joint.unit)}/s`}</td></tr>`)}</tbody></table></div>`;
+    ${pose.outside.length > 0 && html`
+      <p class="notes">Beyond the limits: ${pose.outside.map((j) => pendant.names[j - 1]).join(", ")}</p>`}
+    <${Table} name="Pose of the flange"><tbody>${forms(pose).map(([name, text, used]) => html`
+      <tr><th scope="row">${name}</th><td class="copy">${text}</td><td class="muted">${used}</td></tr>`)}</tbody><//>
+    <${Table} name="Joint table"
+      heads=${["joint", "name", "kind", ["lower", "right"], ["upper", "right"], ["top speed", "right"]]}>
+      <tbody>${joints.map((joint, i) => html`
+        <tr><th scope="row">${pendant.names[i]}</th><td>${joint.name}</td><td>${joint.kind}</td>
+          ${[joint.lower, joint.upper].map((v) => html`
+            <td class="right">${withUnit(String(Number(v.toFixed(2))), joint.unit)}</td>`)}
+        <td class="right">
+          ${joint.speed === null ? "not stated"
+            : `${withUnit(String(Number(joint.speed.toFixed(2))), joint.unit)}/s`}</td></tr>`)}</tbody><//>`;
 }

@@ -9,12 +9,23 @@ export function Targets() {
   /** @type {Record<string, number[]>} */
   const nominal = {};
   for (const posture of answer.value?.scene ?? []) nominal[posture.target_name] ??= posture.target;
-  for (const [name, target] of Object.entries(plan.value?.targets ?? {})) if (Array.isArray(target?.guess_mm)) nominal[name] ??= target.guess_mm;
+  for (const [name, target] of Object.entries(plan.value?.targets ?? {})) if (Array.isArray(target?.guess_mm))
+    nominal[name] ??= target.guess_mm;
   return html`${Object.keys(nominal).map((name) => {
     const guess = plan.value?.targets?.[name]?.guess_mm, at = Array.isArray(guess) ? guess : nominal[name];
     return html`
-      <fieldset class="target" key=${name}><legend><b>${name}</b> <span class="muted">${guess ? "nominal place, as stated" : "nominal place, taken from the postures; the plan states none"}</span></legend>
-        <div class="fields">${["x", "y", "z"].map((axis, i) => html`<${NumberField} key=${axis} label=${axis} unit="mm" digits=${3} value=${at[i]} error=${i === 0 ? problemAt(["targets", name]) : ""} onValue=${(/** @type {number} */ value) => moveTarget(name, at.map((/** @type {number} */ one, /** @type {number} */ k) => (k === i ? value : one)))} />`)}</div>
+      <fieldset class="target" key=${name}>
+        <legend>
+          <b>${name}</b> <span class="muted">
+            ${guess ? "nominal place, as stated"
+              : "nominal place, taken from the postures; the plan states none"}</span></legend>
+        <div class="fields">
+          ${["x", "y", "z"].map((axis, i) => html`
+            <${NumberField} key=${axis} label=${axis} unit="mm" digits=${3} value=${at[i]}
+              error=${i === 0 ? problemAt(["targets", name]) : ""}
+              onValue=${(/** @type {number} */ value) =>
+                moveTarget(name,
+                  at.map((/** @type {number} */ one, /** @type {number} */ k) => (k === i ? value : one)))} />`)}</div>
       </fieldset>`;
   })}`;
 }

@@ -3,18 +3,21 @@ import { change, plan, wrong } from "../core/editing.js";
 
 /** @typedef {(string | number)[]} Key */
 
-/** @param {any} content @param {Key} key */
-const valueAt = (content, key) => key.reduce((value, part) => (value === undefined || value === null ? undefined : value[part]), content);
+/** @typedef {{[key: string]: unknown}} Part an object of a plan, or a list by its numbers */
 
 /** The value of the plan that is open. @param {Key} key */
-export const stated = (key) => valueAt(plan.value, key);
+export const stated = (key) => key.reduce((value, part) => /** @type {Part | null | undefined} */ (value)?.[part],
+  /** @type {unknown} */ (plan.value));
 
-/** States a value; undefined takes it away. @param {Key} key @param {unknown} value */
-export const state = (key, value) => change(key.join("/"), (content) => {
-  let inside = /** @type {any} */ (content);
-  for (const part of key.slice(0, -1)) inside = inside[part] ??= {};
+/**
+ * States a value; undefined takes it away, and so does null, where the file does not state that (`nulls`).
+ * @param {Key} key @param {unknown} value
+ */
+export const state = (key, value, nulls = false) => change(key.join("/"), (content) => {
+  let inside = /** @type {Part} */ (/** @type {unknown} */ (content));
+  for (const part of key.slice(0, -1)) inside = /** @type {Part} */ (inside[part] ??= {});
   const last = /** @type {string | number} */ (key.at(-1));
-  if (value === undefined || value === null) delete inside[last];
+  if (value === undefined || (value === null && !nulls)) delete inside[last];
   else inside[last] = value;
 });
 

@@ -1,15 +1,16 @@
-// What the button beside a message does: a job, postures that are applied, measurements that are left out, or a step that is opened. The server says which.
+// What the button beside a message does: a job, postures that are applied, measurements that are left out, or a step
+// that is opened. The server says which.
 import { begin, outOf, well } from "./jobs.js";
 import { change, file, open, plan } from "./editing.js";
 import { failed, refresh } from "./store.js";
 import { calibrationOf, go, goOn, route, toJob } from "./route.js";
 
-/**
- * @typedef {{kind: "leave_out", measurements: number[]} | {kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: number[][], targets?: string[] | null, again?: (number | null)[] | null} | {kind: "step", step: import("./route.js").Step}} Deed
- * @typedef {{text: string, label: string | null, does: Deed | null}} ActionFacts
- */
+/** @typedef {NonNullable<import("answers").OfferedAction["does"]>} Deed */
 
-/** @param {Deed} deed @param {(job: import("./jobs.js").Followed) => void} begun @param {(measurements: number[]) => void} leaveOut */
+/**
+ * @param {Deed} deed @param {(job: import("./jobs.js").Followed) => void} begun
+ * @param {(measurements: number[]) => void} leaveOut
+ */
 export async function doAction(deed, begun, leaveOut) {
   const from = route.value, { name } = from;
   if (deed.kind === "step") go(toJob(name, deed.step, deed.step === "plan" || deed.step === "cell" ? file.value : ""));
@@ -27,7 +28,10 @@ export async function doAction(deed, begun, leaveOut) {
   }
 }
 
-/** The suggested postures become those of the plan, each with its target where there are several: they can be undone. @param {{postures_deg: number[][], targets?: string[] | null, again?: (number | null)[] | null}} suggested */
+/**
+ * The suggested postures become those of the plan, each with its target where there are several: they can be undone.
+ * @param {import("answers").DoesPostures} suggested
+ */
 function apply({ postures_deg, targets, again }) {
   if (plan.value === null) {
     open(file.value).catch(failed);
@@ -36,7 +40,9 @@ function apply({ postures_deg, targets, again }) {
   change(null, (content) => {
     content.postures_deg = postures_deg.map((joints_deg, i) => {
       const repeated = again?.[i] ?? null;
-      return targets || repeated !== null ? { joints_deg, ...(targets ? { target: targets[i] } : {}), ...(repeated === null ? {} : { again: repeated }) } : joints_deg;
+      return targets || repeated !== null
+        ? { joints_deg, ...(targets ? { target: targets[i] } : {}), ...(repeated === null ? {} : { again: repeated }) }
+        : joints_deg;
     });
   });
 }

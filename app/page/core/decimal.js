@@ -3,7 +3,8 @@
 export const ALLOWED = "a number such as 0.5 or 0,5, without separators of thousands";
 
 /**
- * The number that a text states; null where it states none, or could be misread: 1,234 is 1.234 for some and 1234 for others.
+ * The number that a text states; null where it states none, or could be misread: 1,234 is 1.234 for some and 1234 for
+ *   others.
  * @param {string} text
  */
 export function parsed(text) {
@@ -15,7 +16,8 @@ export function parsed(text) {
 }
 
 /**
- * The numbers of a list: separated by spaces or semicolons, or by commas where these are followed by a space or the numbers have points or none.
+ * The numbers of a list: separated by spaces or semicolons, or by commas where these are followed by a space or the
+ *   numbers have points or none.
  * @param {string} text
  */
 export function parsedList(text) {

@@ -1,13 +1,18 @@
-// The plan that is open: its content, undone and redone, kept as a draft until it is saved, and what the server says of it.
+// The plan that is open: its content, undone and redone, kept as a draft until it is saved, and what the server says of
+// it.
 import { batch, computed, effect, signal } from "@preact/signals";
 import { get, getFile, latest, post, put, Refused } from "./api.js";
 import { calibrationOf } from "./route.js";
 import { begun, failed, refresh, say, versionOf } from "./store.js";
 
 /**
- * @typedef {{joints_deg: number[], target?: string, again?: number, [key: string]: unknown}} StatedPosture
- * @typedef {{robot: any, tool: any, noise: any, postures_deg: (number[] | StatedPosture)[], targets?: Record<string, any>, constraints?: any, geometry?: any, [key: string]: any}} PlanContent
- * @typedef {{version: string | null, content: PlanContent | null}} OnDisk `content`: null where the file is no plan any more
+ * @typedef {import("answers").StatedPosture} StatedPosture
+ * @typedef {import("answers").PlanFile} PlanContent
+ * @typedef {import("answers").CheckAnswer} CheckAnswer
+ * @typedef {CheckAnswer & {[K in "scene" | "marks" | "touched_boxes" | "null_motion" |
+ *   "said"]: NonNullable<CheckAnswer[K]>}} Checked
+ * @typedef {{version: string | null, content: PlanContent | null}} OnDisk `content`: null where the file is no plan
+ *   any more
  * @typedef {{plan: string, base: string | null, content: PlanContent, when: string}} Draft
  */
 
@@ -15,31 +20,35 @@ const MOST_STEPS = 200; // that can be undone
 
 /** @type {import("@preact/signals").Signal<string>} the plan file, "" where none is open */
 export const file = signal("");
-/** @type {import("@preact/signals").Signal<PlanContent | null>} */
-export const plan = signal(null);
-/** Arms (zerobeam/arm/1, drawn) by what plans state as their robot. @type {import("@preact/signals").Signal<Record<string, any>>} */
-const arms = signal({});
+export const plan = signal(/** @type {PlanContent | null} */ (null));
+/** Arms (zerobeam/arm/1, drawn) by what plans state as their robot. */
+const arms = signal(/** @type {Record<string, import("answers").DrawnArm>} */ ({}));
 /** The arm of the plan, whichever content it has; null where it cannot be had. */
 export const arm = computed(() => (plan.value === null ? null : arms.value[robotKey(plan.value)] ?? null));
-/** @type {import("@preact/signals").Signal<any>} the last answer of a check, null where there is none */
+/** @type {import("@preact/signals").Signal<Checked | null>} the last answer of a check */
 export const answer = signal(null);
 /** Whether the plan has been changed since the answer. */
 export const pending = signal(false);
 /** @type {import("@preact/signals").Signal<Refused | null>} why the plan cannot be checked, or not be saved */
 export const wrong = signal(null);
-/** @type {import("@preact/signals").Signal<number | null>} the posture that is chosen; null: all alike */
+/** The posture that is chosen. */
 export const chosen = signal(0);
-/** @type {import("@preact/signals").Signal<OnDisk | "gone" | null>} what the file holds now, where that is not what was opened */
+/**
+ * @type {import("@preact/signals").Signal<OnDisk | "gone" | null>} what the file holds now, where that is not what
+ *   was opened
+ */
 export const conflict = signal(null);
 /** @type {import("@preact/signals").Signal<string>} since when a draft that was found is of */
 export const restored = signal("");
 
-/** @type {import("@preact/signals").Signal<{before: PlanContent[], after: PlanContent[]}>} */
-const past = signal({ before: [], after: [] });
-/** @type {import("@preact/signals").Signal<{version: string | null, text: string}>} the file as it was read or written last */
+const past = signal(/** @type {{before: PlanContent[], after: PlanContent[]}} */ ({ before: [], after: [] }));
+/**
+ * @type {import("@preact/signals").Signal<{version: string | null, text: string}>} the file as it was read or written
+ *   last
+ */
 const disk = signal({ version: null, text: "" });
-/** The version that the edits were made from; another one on the disk is replaced only by choice. @type {import("@preact/signals").Signal<string | null>} */
-const base = signal(null);
+/** The version that the edits were made from; another one on the disk is replaced only by choice. */
+const base = signal(/** @type {string | null} */ (null));
 let merging = ""; // the key of the last change: typing on is one step
 
 export const canUndo = computed(() => past.value.before.length > 0);
@@ -47,16 +56,21 @@ export const canRedo = computed(() => past.value.after.length > 0);
 export const unsaved = computed(() => plan.value !== null && JSON.stringify(plan.value) !== disk.value.text);
 
 /** @param {PlanContent} content @param {number} i */
-export const jointsOf = (content, i) => { const posture = content.postures_deg[i]; return Array.isArray(posture) ? posture : posture.joints_deg; };
+export const jointsOf = (content, i) => {
+  const posture = content.postures_deg[i];
+  return Array.isArray(posture) ? posture : posture.joints_deg;
+};
 
 /**
- * Edits a plan. A posture that repeats another keeps its joints and its number; where it is changed itself, or the other is gone, it is one of its own.
+ * Edits a plan. A posture that repeats another keeps its joints and its number; where it is changed itself, or the
+ *   other is gone, it is one of its own.
  * @param {PlanContent} content @param {(plan: PlanContent) => void} edit
  */
 function editRepeated(content, edit) {
   /** @type {Map<unknown, {of: number[] | StatedPosture, was: string}>} */
   const repeats = new Map();
-  for (const row of content.postures_deg) if (!Array.isArray(row) && row.again !== undefined) repeats.set(row, { of: content.postures_deg[row.again], was: JSON.stringify(row.joints_deg) });
+  for (const row of content.postures_deg) if (!Array.isArray(row) && row.again != null)
+    repeats.set(row, { of: content.postures_deg[row.again], was: JSON.stringify(row.joints_deg) });
   edit(content);
   content.postures_deg.forEach((row, i) => {
     const repeat = repeats.get(row);
@@ -69,14 +83,20 @@ function editRepeated(content, edit) {
 
 const robotKey = (/** @type {PlanContent} */ content) => JSON.stringify(content.robot);
 
-/** A robot file is named from the plan's folder in the plan, and from the app's folder elsewhere. @param {any} ref @param {string} planFile */
+/**
+ * A robot file is named from the plan's folder in the plan, and from the app's folder elsewhere.
+ * @param {PlanContent["robot"]} ref @param {string} planFile
+ */
 export function robotFrom(ref, planFile) {
   const folder = planFile.slice(0, planFile.lastIndexOf("/") + 1);
   if (typeof ref === "object") return { ...ref, urdf: folder + ref.urdf };
   return /\.(yaml|yml|json|urdf)$/.test(ref) ? folder + ref : ref;
 }
 
-/** Fetches the arm of a content before that is shown: a draft and its file may be of different arms. @param {PlanContent} content @param {string} name */
+/**
+ * Fetches the arm of a content before that is shown: a draft and its file may be of different arms.
+ * @param {PlanContent} content @param {string} name
+ */
 async function fetchArm(content, name) {
   const key = robotKey(content);
   if (key in arms.peek()) return;
@@ -107,7 +127,8 @@ export function lostDrafts() {
   try {
     names = Object.keys(localStorage).filter((key) => key.startsWith(DRAFT)).map((key) => key.slice(DRAFT.length));
   } catch { /* a browser that keeps nothing has no drafts */ }
-  return names.flatMap((name) => (versionOf(name) === null ? draftOf(name) ?? [] : [])).sort((a, b) => b.when.localeCompare(a.when));
+  return names.flatMap((name) => (versionOf(name) === null ? draftOf(name) ?? [] : []))
+    .sort((a, b) => b.when.localeCompare(a.when));
 }
 
 /** The drafts of a calibration whose plans' files are gone. @param {string} name */
@@ -117,7 +138,8 @@ const ask = latest(
   async () => {
     const content = plan.value, name = file.value;
     if (content === null) return null;
-    const found = await post("/api/check", { plan: content, scene: true, links: true, file: name });
+    const found = /** @type {Checked} */ (await post("/api/check",
+      { plan: content, scene: true, links: true, file: name }));
     return name === file.value ? found : null;
   },
   (found, newest) => batch(() => {
@@ -132,7 +154,10 @@ const ask = latest(
   }),
 );
 
-/** Opens a plan file: what it holds, or the draft that was left of it. Of a file that is gone the draft is opened. @param {string} name */
+/**
+ * Opens a plan file: what it holds, or the draft that was left of it. Of a file that is gone the draft is opened.
+ * @param {string} name
+ */
 export async function open(name) {
   const draft = draftOf(name);
   const found = await getFile("plan", name).catch((/** @type {unknown} */ error) => {
@@ -140,14 +165,15 @@ export async function open(name) {
     return null;
   });
   const text = found === null ? "" : JSON.stringify(found.plan), version = found?.version ?? null;
-  const differs = draft !== null && JSON.stringify(draft.content) !== text, outdated = differs && draft.base !== version;
+  const differs = draft !== null && JSON.stringify(draft.content) !== text;
+  const outdated = differs && draft.base !== version;
   if (found !== null) arms.value = { [robotKey(found.plan)]: found.robot };
   if (differs) await fetchArm(draft.content, name);
   batch(() => {
     file.value = name;
     disk.value = { version, text };
     base.value = differs ? draft.base : version;
-    plan.value = differs ? draft.content : found.plan;
+    plan.value = differs ? draft.content : found?.plan ?? null;
     past.value = { before: differs && found !== null ? [found.plan] : [], after: [] };
     answer.value = null;
     wrong.value = null;
@@ -170,7 +196,8 @@ export function close() {
 }
 
 /**
- * Changes the plan. Changes of the same `key` that follow each other are one step (a slider that is dragged); null is a step of its own.
+ * Changes the plan. Changes of the same `key` that follow each other are one step (a slider that is dragged); null is
+ *   a step of its own.
  * @param {string | null} key @param {(plan: PlanContent) => void} edit
  */
 export function change(key, edit) {
@@ -191,7 +218,7 @@ function set(next, steps) {
     plan.value = next;
     past.value = steps;
     pending.value = true;
-    if (chosen.value !== null) chosen.value = Math.min(chosen.value, next.postures_deg.length - 1);
+    chosen.value = Math.min(chosen.value, next.postures_deg.length - 1);
   });
   ask();
 }
@@ -213,7 +240,7 @@ export function redo() {
 /** Makes the folder of a new file where it is gone: a draft outlives it. @param {string} name */
 async function ensureFolderOf(name) {
   const folder = calibrationOf(name), listed = await get("/api/files");
-  if (folder === "." || listed.some((/** @type {{path: string}} */ one) => one.path.startsWith(`${folder}/`))) return;
+  if (folder === "." || listed.some((one) => one.path.startsWith(`${folder}/`))) return;
   try {
     await post("/api/folders", { name: folder });
   } catch (error) {
@@ -221,7 +248,10 @@ async function ensureFolderOf(name) {
   }
 }
 
-/** Writes the plan; where the file has changed meanwhile, `conflict` says so and nothing is written. @param {string} [as] another file, a new one */
+/**
+ * Writes the plan; where the file has changed meanwhile, `conflict` says so and nothing is written.
+ * @param {string} [as] another file, a new one
+ */
 export async function save(as = file.value) {
   const content = plan.value;
   if (content === null) return false;
@@ -243,7 +273,8 @@ export async function save(as = file.value) {
     return true;
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    if (error.status === 412 && same) await showConflict(error.current);
+    if (error.status === 412
+      && same) await showConflict(/** @type {Parameters<typeof showConflict>[0]} */ (error.current));
     else wrong.value = error;
     return false;
   }
@@ -252,13 +283,19 @@ export async function save(as = file.value) {
 /** Whether a plan, open or not, has changes that its file does not have. @param {string} name */
 export const hasEdits = (name) => (name !== "" && name === file.value ? unsaved.value : draftOf(name) !== null);
 
-/** Saves such changes; false where the file has none of them, and `conflict` or `wrong` says why. @param {string} name */
+/**
+ * Saves such changes; false where the file has none of them, and `conflict` or `wrong` says why.
+ * @param {string} name
+ */
 export async function saveEdits(name) {
   if (name !== file.value) await open(name);
   return !unsaved.value || save();
 }
 
-/** What a refused save says of the file: what GET answers of it. @param {any} current null where it is gone */
+/**
+ * What a refused save says of the file: what GET answers of it; null where it is gone.
+ * @param {{version: string, content: {plan: PlanContent} | null} | null} current
+ */
 async function showConflict(current) {
   const content = current?.content?.plan ?? null;
   if (content !== null) await fetchArm(content, file.value);
@@ -309,7 +346,8 @@ effect(() => {
   if (!file.value || plan.value === null) return;
   if (!unsaved.value) { forget(file.value); return; }
   const draft = { plan: file.value, base: base.value, content: plan.value, when: new Date().toISOString() };
-  try { localStorage.setItem(draftKey(file.value), JSON.stringify(draft)); } catch { /* a full or closed store: leaving the page still asks */ }
+  try { localStorage.setItem(draftKey(file.value),
+    JSON.stringify(draft)); } catch { /* a full or closed store: leaving the page still asks */ }
 });
 
 // A change of the file that is open is noticed: taken where nothing is lost by it, else shown beside the edits.
@@ -318,7 +356,7 @@ effect(() => {
   if (!name || !begun.value || version === disk.peek().version || (open !== null && open !== "gone")) return;
   if (version === null) {
     get("/api/files").then((listed) => { // what was saved just now is not listed yet
-      if (file.peek() !== name || listed.some((/** @type {{path: string}} */ one) => one.path === name)) return;
+      if (file.peek() !== name || listed.some((one) => one.path === name)) return;
       // Nothing holds this content any more but the page: it is unsaved, and so a draft.
       batch(() => { disk.value = { version, text: "" }; conflict.value = "gone"; });
     }, failed);

@@ -3,10 +3,14 @@ import { signal } from "@preact/signals";
 import { get, post, Refused, remove } from "./api.js";
 
 /**
- * @typedef {{id: string, command: string[], state: "waiting" | "running" | "done" | "stopped" | "failed", share: number, stage: string,
- *   left_s: number | null, left_at_least: boolean, status: number | null, asks: "lines" | "confirm" | null, log: string[], answer: any, front: string | null,
- *   lost: boolean, gone: boolean}} JobState `lost`: no connection; `gone`: the server does not know it any more
- * @typedef {{id: string, state: import("@preact/signals").Signal<JobState>, ended: Promise<JobState>, cancel: () => Promise<void>, say: (text: string) => Promise<void>, close: () => void}} Followed
+ * @typedef {import("answers").JobWhole & {answer: Printed | null, lost: boolean, gone: boolean}} JobState
+ *   `lost`: no connection; `gone`: the server does not know it any more
+ * @typedef {import("./printed.js").Printed} Printed
+ * @typedef {import("../measure/events.js").RunEvent} RunEvent
+ * @typedef {(event: RunEvent) => void} Heard
+ * @typedef {{progress: Partial<JobState>, log: string, run: RunEvent, end: JobState}} Events
+ * @typedef {{id: string, state: import("@preact/signals").Signal<JobState>, ended: Promise<JobState>,
+ *   cancel: () => Promise<void>, say: (text: string) => Promise<void>, close: () => void}} Followed
  */
 
 const AGAIN_MS = 1500; // until a server that was ended is asked whether it is there again
@@ -15,17 +19,25 @@ const OVER = ["done", "stopped", "failed"];
 /** @param {{state: string}} job */
 export const over = (job) => OVER.includes(job.state);
 
-/** Whether a job did what was asked: a verdict is an answer, a refused export or conversion none. @param {JobState} job */
-export const well = (job) => job.state === "done" && !(["export", "positions"].includes(job.command[0]) && job.status === 1);
+/** Whether a job was begun that goes on. @param {Followed | null | undefined} job */
+export const underWay = (job) => job != null && !over(job.state.value);
+
+/**
+ * Whether a job did what was asked: a verdict is an answer, a refused export or conversion none.
+ * @param {JobState} job
+ */
+export const well = (job) =>
+  job.state === "done" && !(["export", "positions"].includes(job.command[0]) && job.status === 1);
 
 /** The file or folder that a command writes, as its words name it; "" where none is named. @param {string[]} command */
 export function outOf(command) {
   const short = command.indexOf("-o");
-  return command.find((word) => word.startsWith("--out="))?.slice("--out=".length) ?? (short < 0 ? "" : command[short + 1] ?? "");
+  return command.find((word) => word.startsWith("--out="))?.slice("--out=".length)
+    ?? (short < 0 ? "" : command[short + 1] ?? "");
 }
 
 /**
- * Begins a command. @param {string[]} command @param {{password?: string, run?: (event: any) => void}} [how]
+ * Begins a command. @param {string[]} command @param {{password?: string, run?: Heard}} [how]
  */
 export async function begin(command, { password, run } = {}) {
   const { id } = await post("/api/jobs", { command, ...(password ? { password } : {}) });
@@ -33,12 +45,14 @@ export async function begin(command, { password, run } = {}) {
 }
 
 /**
- * Follows a job; `run` hears the events of a run, from its begin. @param {string} id @param {(event: any) => void} [run] @returns {Followed}
+ * Follows a job; `run` hears the events of a run, from its begin. @param {string} id @param {Heard} [run]
+ *   @returns {Followed}
  */
 export function follow(id, run = () => {}) {
   const path = `/api/jobs/${encodeURIComponent(id)}`;
-  /** @type {import("@preact/signals").Signal<JobState>} */
-  const state = signal({ id, command: [], state: "waiting", share: 0, stage: "", left_s: null, left_at_least: false, status: null, asks: null, log: [], answer: null, front: null, lost: false, gone: false });
+  const state = signal(/** @type {JobState} */ ({ id, command: [], state: "waiting", share: 0, stage: "",
+    passed_s: null, left_s: null, left_at_least: false, status: null, asks: null, log: [], answer: null, front: null,
+    lost: false, gone: false }));
   /** @type {(job: JobState) => void} */
   let resolve = () => {};
   /** @type {Promise<JobState>} */
@@ -56,8 +70,9 @@ export function follow(id, run = () => {}) {
 
   function listen() {
     source = new EventSource(`${path}/events`);
-    /** @param {string} kind @param {(data: any) => void} then */
-    const on = (kind, then) => source?.addEventListener(kind, (event) => then(JSON.parse(/** @type {MessageEvent} */ (event).data)));
+    /** @template {keyof Events} K @param {K} kind @param {(data: Events[K]) => void} then */
+    const on = (kind, then) =>
+      source?.addEventListener(kind, (event) => then(JSON.parse(/** @type {MessageEvent} */ (event).data)));
     source.addEventListener("open", () => change({ lost: false }));
     on("progress", change);
     on("log", (line) => change({ log: [...state.value.log, line] }));
@@ -77,7 +92,7 @@ export function follow(id, run = () => {}) {
   async function ask() {
     if (closed) return;
     try {
-      const job = await get(path);
+      const job = /** @type {JobState} */ (await get(path));
       if (closed) return;
       change({ ...job, log: [], lost: false });
       listen();
@@ -95,5 +110,6 @@ export function follow(id, run = () => {}) {
     }
   }
   ask();
-  return { id, state, ended, close, cancel: async () => { await remove(path); }, say: async (text) => { await post(`${path}/line`, { text }); } };
+  return { id, state, ended, close, cancel: async () => { await remove(path); },
+    say: async (text) => { await post(`${path}/line`, { text }); } };
 }

@@ -7,11 +7,19 @@ export const MOUNTED = { point_mm: ["Point", "mm"], tip_mm: ["Tip", "mm"], direc
 /** @param {string} key @param {number[]} values */
 function vector(key, values) {
   const [title, unit] = MOUNTED[key];
-  return `${title.toLowerCase()} (${values.map((v) => fixed(Number(v.toFixed(4)), 4).replace(/\.?0+$/, "")).join(", ")})${unit && `\u00a0${unit}`}`;
+  const shown = values.map((v) => fixed(Number(v.toFixed(4)), 4).replace(/\.?0+$/, "")).join(", ");
+  return `${title.toLowerCase()} (${shown})${unit && `\u00a0${unit}`}`;
 }
 
-/** @param {Record<string, any>} part what a header, or a proposal, states */
-export const mountedWords = (part) => Object.keys(MOUNTED).filter((key) => Array.isArray(part[key])).map((key) => vector(key, part[key])).join(", ");
+/** @param {Record<string, unknown>} part what a header, or a proposal, states */
+export const mountedWords = (part) => Object.keys(MOUNTED)
+  .flatMap((key) => (Array.isArray(part[key]) ? [vector(key, part[key])] : [])).join(", ");
 
-/** The same of each instrument of a plan that states any. @param {import("./editing.js").PlanContent} content @returns {string[]} */
-export const mountedIn = ({ tool, instruments }) => Object.values(instruments ?? { tool }).flatMap((part) => { const words = part ? mountedWords(part) : ""; return words ? [`${part.kind}: ${words}`] : []; });
+/**
+ * The same of each instrument of a plan that states any.
+ * @param {import("./editing.js").PlanContent} content @returns {string[]}
+ */
+export const mountedIn = ({ tool, instruments }) => Object.values(instruments ?? { tool }).flatMap((part) => {
+  const words = part ? mountedWords(part) : "";
+  return part && words ? [`${part.kind}: ${words}`] : [];
+});

@@ -13,7 +13,9 @@ export function read(hash) {
   const [view, name = "", step = "", ...file] = parts;
   if (view === "new") return { view, name: "", step: "cell", file: "" };
   if (view === "import") return { view, name: "", step: "cell", file: [name, step, ...file].filter(Boolean).join("/") };
-  if (view === "job" && name) return { view, name, step: STEPS.find((known) => known === step) ?? "plan", file: file.join("/") };
+  if (view === "job" && name) {
+    return { view, name, step: STEPS.find((known) => known === step) ?? "plan", file: file.join("/") };
+  }
   return { view: "home", name: "", step: "cell", file: "" };
 }
 
@@ -27,7 +29,8 @@ function decodePart(part) {
 }
 
 /** @param {string} name @param {Step} step @param {string} [file] */
-export const toJob = (name, step, file = "") => `#/job/${encodeURIComponent(name)}/${step}${file ? `/${file.split("/").map(encodeURIComponent).join("/")}` : ""}`;
+export const toJob = (name, step, file = "") =>
+  `#/job/${encodeURIComponent(name)}/${step}${file ? `/${file.split("/").map(encodeURIComponent).join("/")}` : ""}`;
 /** @param {string} [file] */
 export const toImport = (file = "") => `#/import${file ? `/${file.split("/").map(encodeURIComponent).join("/")}` : ""}`;
 
@@ -52,7 +55,11 @@ export function goOn(from, hash) {
   if (route.value.view === from.view && route.value.name === from.name) go(hash);
 }
 
-/** The calibration that a file is of: its folder. @param {string} file */
+/**
+ * The folder of a file: of a plan, a run or a header its calibration; what any file is of, a report's too, `ownerOf`
+ *   says.
+ * @param {string} file
+ */
 export const calibrationOf = (file) => (file.includes("/") ? file.slice(0, file.lastIndexOf("/")) : ".");
 
 /** Begins to follow the address. */

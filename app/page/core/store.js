@@ -3,38 +3,34 @@ import { computed, signal } from "@preact/signals";
 import { get, Refused, STARTED_ANEW } from "./api.js";
 import { route } from "./route.js";
 
-/**
- * @typedef {{path: string, kind: string, bytes: number, modified: string, version: string}} FolderFile
- * @typedef {{name: string, vendor: string | null, model: string | null}} BuiltIn
- * @typedef {{header: string[], plan: string[], run: string[], result: string[], obstacles: string[], cell: string[], sensors: string[]}} CalibrationFiles
- * @typedef {{name: string, robot: string | null, maker: string | null, model: string | null, serial: string | null, instrument: string | null,
- *   files: CalibrationFiles, state: {kind: string, text: string, verdict?: string | null, recorded?: number | null, of?: number | null, file?: string | null},
- *   due: {date: string, overdue: boolean, text: string} | null, simulated: boolean, modified: string}} Calibration
- */
+/** @typedef {import("answers").FolderFile} FolderFile */
+/** @typedef {import("answers").Calibration} Calibration */
 
 const EVERY_MS = 2000; // the folder is looked at, while the page is visible
 
-/** @type {import("@preact/signals").Signal<FolderFile[]>} */
-export const files = signal([]);
-/** @type {import("@preact/signals").Signal<BuiltIn[]>} */
-export const robots = signal([]);
-/** @type {import("@preact/signals").Signal<{calibrations: Calibration[], left_out: number} | null>} */
-export const home = signal(null);
-/** @type {import("@preact/signals").Signal<string>} */
-export const fault = signal("");
+export const files = signal(/** @type {FolderFile[]} */ ([]));
+export const robots = signal(/** @type {import("answers").BuiltInRobot[]} */ ([]));
+export const home = signal(/** @type {import("answers").HomeAnswer | null} */ (null));
+export const fault = signal(/** @type {string} */ (""));
 /** Whether the folder has been read, or that was refused: what is shown before knows nothing of it. */
 export const begun = signal(false);
-/** Said by a screen reader, and shown for some seconds. @type {import("@preact/signals").Signal<string>} */
-export const notice = signal("");
+/** Said by a screen reader, and shown for some seconds. */
+export const notice = signal(/** @type {string} */ (""));
 
 /** The calibration that is open; null where there is none of this name. */
-export const calibration = computed(() => home.value?.calibrations.find((one) => one.name === route.value.name) ?? null);
+export const calibration = computed(() =>
+  home.value?.calibrations.find((one) => one.name === route.value.name) ?? null);
 
-/** The calibration that a file is of: the one that lists it, else the innermost folder of one that is known or open. @param {string} file */
+/**
+ * The calibration that a file is of: the one that lists it, else the innermost folder of one that is known or open.
+ * @param {string} file
+ */
 export function ownerOf(file) {
-  const known = home.value?.calibrations ?? [], listing = known.find((one) => Object.values(one.files).some((names) => names.includes(file)));
+  const known = home.value?.calibrations ?? [];
+  const listing = known.find((one) => Object.values(one.files).some((names) => names.includes(file)));
   if (listing) return listing.name;
-  const around = [route.value.name, ...known.map((one) => one.name)].filter((one) => one === "." || file.startsWith(`${one}/`));
+  const around = [route.value.name, ...known.map((one) => one.name)].filter((one) =>
+    one === "." || file.startsWith(`${one}/`));
   return around.sort((a, b) => b.length - a.length)[0] ?? ".";
 }
 
@@ -47,7 +43,10 @@ export function failed(error) {
   fault.value = error.text;
 }
 
-/** Carries work out, and says at the top of the page where it is refused. @template T @param {() => Promise<T>} work @returns {Promise<T | undefined>} */
+/**
+ * Carries work out, and says at the top of the page where it is refused.
+ * @template T @param {() => Promise<T>} work @returns {Promise<T | undefined>}
+ */
 export async function attempt(work) {
   try {
     fault.value = "";
@@ -58,13 +57,18 @@ export async function attempt(work) {
   }
 }
 
-/** State that each calibration has of its own: what is set in one is as it begins in another. @template T @param {T} first */
+/**
+ * State that each calibration has of its own: what is set in one is as it begins in another.
+ * @template T @param {T} first
+ */
 export function ofCalibration(first) {
   const all = signal(/** @type {Map<string, T>} */ (new Map()));
   return {
     /** @returns {T} */
     get value() { return all.value.get(route.value.name) ?? first; },
     set value(next) { all.value = new Map(all.value).set(route.value.name, next); },
+    /** What a field with this key of it says. @param {keyof T} key @returns {(stated: T[keyof T]) => void} */
+    at(key) { return (stated) => { this.value = { ...this.value, [key]: stated }; }; },
   };
 }
 
@@ -110,7 +114,7 @@ export async function begin() {
       try {
         const found = await get("/api/files");
         const was = files.value.map((file) => file.path + file.version).join();
-        if (found.map((/** @type {FolderFile} */ file) => file.path + file.version).join() !== was) {
+        if (found.map((file) => file.path + file.version).join() !== was) {
           files.value = found;
           home.value = await get("/api/home");
         }

@@ -18,14 +18,16 @@ export function sentence(text) {
 }
 
 /** The words of verdicts and the shapes of statuses, as in the reports. @type {Record<string, string>} */
-export const WORDS = { pass: "Pass", weak: "Weakly observable", degenerate: "Degenerate", misfit: "Misfit", violated: "Constraints violated" };
+export const WORDS = { pass: "Pass", weak: "Weakly observable", degenerate: "Degenerate", misfit: "Misfit",
+  violated: "Constraints violated" };
 /** @type {Record<string, string>} */
 export const SHAPES = { identified: "●", weak: "◆", assumed: "○", unidentifiable: "✕", held: "■", unvalidated: "▲" };
 /** @param {string} status */
 export const marked = (status) => `${SHAPES[status] ?? ""} ${status === "weak" ? "weakly observable" : status}`;
 
 const tidy = (/** @type {string} */ text) => text.replace("-", "−");
-const digitsOf = (/** @type {number} */ std) => Math.max(0, Math.min(12, 1 - Math.floor(Math.log10(Math.abs(std) || 1))));
+const digitsOf = (/** @type {number} */ std) =>
+  Math.max(0, Math.min(12, 1 - Math.floor(Math.log10(Math.abs(std) || 1))));
 
 /** @param {string} text @param {string | null | undefined} unit */
 export function withUnit(text, unit) {
@@ -34,12 +36,16 @@ export function withUnit(text, unit) {
 }
 
 /** @param {number} value @param {number} digits */
-export const fixed = (value, digits) => tidy((Object.is(value, -0) ? 0 : value).toFixed(digits).replace(/^-(0(\.0+)?)$/, "$1"));
+export const fixed = (value, digits) =>
+  tidy((Object.is(value, -0) ? 0 : value).toFixed(digits).replace(/^-(0(\.0+)?)$/, "$1"));
 
 /** A standard uncertainty to two significant digits. @param {number} value @param {string | null | undefined} unit */
 export const spread = (value, unit) => withUnit(value.toFixed(digitsOf(value)), unit);
 
-/** A value to the second digit of its uncertainty. @param {number} value @param {number} std @param {string | null | undefined} unit */
+/**
+ * A value to the second digit of its uncertainty.
+ * @param {number} value @param {number} std @param {string | null | undefined} unit
+ */
 export const rounded = (value, std, unit) => withUnit(fixed(value, digitsOf(std)), unit);
 
 /** @param {number} count @param {string} what */

@@ -34,7 +34,8 @@ export function zip(files) {
   for (const { name, content } of files) {
     const called = new TextEncoder().encode(name), crc = checksum(content);
     /** @type {[number, number][]} */
-    const about = [[2, VERSION], [2, UTF8], [2, STORED], [2, 0], [2, FIRST_DAY], [4, crc], [4, content.length], [4, content.length], [2, called.length], [2, 0]];
+    const about = [[2, VERSION], [2, UTF8], [2, STORED], [2, 0], [2, FIRST_DAY], [4, crc], [4, content.length],
+      [4, content.length], [2, called.length], [2, 0]];
     parts.push(header([[4, 0x04034b50], ...about]), called, content);
     entries.push(header([[4, 0x02014b50], [2, VERSION], ...about, [2, 0], [2, 0], [2, 0], [4, 0], [4, at]]), called);
     at += 30 + called.length + content.length;

@@ -3,10 +3,11 @@ import { html } from "htm/preact";
 import { computed, signal, useSignal } from "@preact/signals";
 import { post } from "../core/api.js";
 import { lostDrafts } from "../core/editing.js";
-import { begin, well } from "../core/jobs.js";
+import { begin, underWay, well } from "../core/jobs.js";
 import { goOn, route, toImport, toJob } from "../core/route.js";
 import { attempt, home, refresh } from "../core/store.js";
 import { counted } from "../core/words.js";
+import { into, value as heard } from "../parts/heard.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { Drafts } from "./Drafts.js";
 
@@ -24,7 +25,7 @@ function keepSearch() {
 
 const MOST = 100; // rows at first
 const search = signal(searched());
-const order = signal(/** @type {keyof typeof ORDERS} */ ("newest"));
+const order = signal("newest");
 /** @type {Record<string, (a: Calibration, b: Calibration) => number>} */
 const ORDERS = {
   newest: (a, b) => b.modified.localeCompare(a.modified),
@@ -36,18 +37,25 @@ const RESULTS = ["pass", "weak", "degenerate", "misfit", "held"];
 
 const shown = computed(() => {
   const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
-  const text = (/** @type {Calibration} */ one) => [one.name, one.robot, one.model, one.maker, one.serial, one.instrument, one.state.text, one.due?.text, ...one.files.run].join(" ").toLowerCase();
-  return (home.value?.calibrations ?? []).filter((one) => words.every((word) => text(one).includes(word))).sort(ORDERS[order.value]);
+  const text = (/** @type {Calibration} */ one) =>
+    [one.name, one.robot, one.model, one.maker, one.serial, one.instrument, one.state.text, one.due?.text,
+      ...one.files.run].join(" ")
+      .toLowerCase();
+  return (home.value?.calibrations ?? []).filter((one) => words.every((word) => text(one).includes(word)))
+    .sort(ORDERS[order.value]);
 });
 
 /** Where a calibration goes on. @param {Calibration} one */
-const next = (one) => toJob(one.name, RESULTS.includes(one.state.kind) ? "result" : one.state.kind === "measuring" || one.state.kind === "measured" ? "measure" : "plan", one.state.file ?? "");
+const next = (one) =>
+  toJob(one.name,
+    RESULTS.includes(one.state.kind) ? "result"
+      : one.state.kind === "measuring" || one.state.kind === "measured" ? "measure" : "plan",
+    one.state.file ?? "");
 
 export function Home() {
   const all = useSignal(false);
   const rows = shown.value, total = home.value?.calibrations.length ?? 0;
-  /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
-  const job = useSignal(null);
+  const job = useSignal(/** @type {import("../core/jobs.js").Followed | null} */ (null));
   const rehearse = () => attempt(async () => {
     const from = route.value;
     const example = await post("/api/example", {});
@@ -59,26 +67,45 @@ export function Home() {
   });
   return html`
     <section class="begin" aria-label="Begin">
-      <a class="card" href="#/new"><b>New calibration</b><span>Arm, instrument, where the target is: a checked plan in one step.</span></a>
-      <a class="card" href=${toImport()}><b>Import a recording</b><span>Joint values of a controller, a table or a tracker’s points: a run, and its result.</span></a>
-      <button type="button" class="card" onClick=${rehearse} disabled=${job.value !== null && !["done", "stopped", "failed"].includes(job.value.state.value.state)}><b>Rehearse the example</b><span>A plan, a simulated robot and its measurements, without any file of yours.</span></button>
+      <a class="card" href="#/new"><b>New calibration</b>
+        <span>Arm, instrument, where the target is: a checked plan in one step.</span></a>
+      <a class="card" href=${toImport()}><b>Import a recording</b>
+        <span>Joint values of a controller, a table or a tracker’s points: a run, and its result.</span></a>
+      <button type="button" class="card" onClick=${rehearse}
+        disabled=${underWay(job.value)}><b>Rehearse the example</b>
+        <span>A plan, a simulated robot and its measurements, without any file of yours.</span></button>
     </section>
     ${job.value && html`<${JobProgress} job=${job.value} title="Rehearsal of the example" />`}
     ${home.value !== null && html`<${Drafts} drafts=${lostDrafts()} />`}
     ${total === 0 ? html`<p class="muted">The folder holds no calibration yet.</p>` : html`
       <div class="bar" role="search">
-        <label class="grow"><span class="label">Search</span><input type="search" value=${search.value} placeholder="name, arm, serial number, verdict" onInput=${(/** @type {any} */ event) => { search.value = event.target.value; keepSearch(); }} /></label>
-        <label><span class="label">Sorted by</span><select value=${order.value} onChange=${(/** @type {any} */ event) => { order.value = event.target.value; }}>${Object.keys(ORDERS).map((one) => html`<option value=${one} selected=${one === order.value}>${one}</option>`)}</select></label>
+        <label class="grow"><span class="label">Search</span>
+          <input type="search" value=${search.value} placeholder="name, arm, serial number, verdict"
+            onInput=${heard((text) => { search.value = text; keepSearch(); })} /></label>
+        <label><span class="label">Sorted by</span>
+          <select value=${order.value} onChange=${heard(into(order))}>
+            ${Object.keys(ORDERS)
+              .map((one) => html`
+                <option value=${one} selected=${one === order.value}>${one}</option>`)}</select></label>
       </div>
-      <p class="muted" role="status">${rows.length === total ? counted(total, "calibration") : `${rows.length} of ${counted(total, "calibration")}`}${home.value?.left_out ? `; ${home.value.left_out} files of the folder are not listed` : ""}</p>
+      <p class="muted" role="status">
+        ${rows.length === total ? counted(total, "calibration")
+          : `${rows.length} of ${counted(total, "calibration")}`}${home.value?.left_out
+          ? `; ${home.value.left_out} files of the folder are not listed` : ""}</p>
       <ul class="calibrations">
         ${rows.slice(0, all.value ? rows.length : MOST).map((one) => html`
           <li key=${one.name}><a href=${next(one)}>
-            <span class="name"><b>${one.name === "." ? "This folder" : one.name}</b><small>${[one.model ?? one.robot, one.serial && !one.serial.startsWith("none") && `No. ${one.serial}`, one.instrument].filter(Boolean).join(" · ")}</small></span>
-            <span class=${`state ${one.state.kind}`}><span>${one.state.text}</span>${one.simulated && html`<small class="simulated">SIMULATED</small>`}</span>
+            <span class="name"><b>${one.name === "." ? "This folder" : one.name}</b>
+              <small>
+                ${[one.model ?? one.robot, one.serial && !one.serial.startsWith("none") && `No. ${one.serial}`,
+                  one.instrument].filter(Boolean)
+                  .join(" · ")}</small></span>
+            <span class=${`state ${one.state.kind}`}><span>${one.state.text}</span>
+              ${one.simulated && html`<small class="simulated">SIMULATED</small>`}</span>
             <span class=${`due${one.due?.overdue ? " overdue" : ""}`}>${one.due?.text ?? ""}</span>
             <time datetime=${one.modified}>${one.modified.slice(0, 16).replace("T", " ")}</time>
           </a></li>`)}
       </ul>
-      ${rows.length > MOST && !all.value && html`<button type="button" onClick=${() => { all.value = true; }}>Show all ${rows.length}</button>`}`}`;
+      ${rows.length > MOST && !all.value && html`
+        <button type="button" onClick=${() => { all.value = true; }}>Show all ${rows.length}</button>`}`}`;
 }

@@ -1,9 +1,10 @@
-// A new calibration: arm, instrument, and where the target is. The server has the defaults, makes the plan and checks it.
+// A new calibration: arm, instrument, and where the target is. The server has the defaults, makes the plan and checks
+// it.
 import { html } from "htm/preact";
 import { useEffect, useMemo } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get, latest, post, Refused } from "../core/api.js";
-import { begin, well } from "../core/jobs.js";
+import { begin, underWay, well } from "../core/jobs.js";
 import { goOn, route, toJob } from "../core/route.js";
 import { attempt, failed, home, ofKind, refresh, robots } from "../core/store.js";
 import { MOUNTED, mountedWords } from "../core/mounting.js";
@@ -14,22 +15,23 @@ import { Form, Submit } from "../parts/Form.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
-
-/**
- * @typedef {{name: string, words: string, about: string}} Word
- * @typedef {{places: {kind: string, at_mm: number[]}[], mounted: Record<string, number[]>}} Proposal
- * @typedef {{instruments: Word[], places: {kind: string, words: string}[]}} Choices
- */
+import { into } from "../parts/heard.js";
 
 /** The built-in arms by maker, then robot files of the folder. @returns {[string, [string, string][]][]} */
 function robotGroups() {
   const makers = [...new Set(robots.value.map((one) => one.vendor ?? "other"))].sort();
   /** @type {[string, [string, string][]][]} */
-  const groups = makers.map((maker) => [maker, robots.value.filter((one) => (one.vendor ?? "other") === maker).map((one) => [one.name, one.model ?? one.name])]);
-  return [...groups, ["files of this folder", ofKind("robot").filter((path) => !path.endsWith(".urdf")).map((path) => [path, path])]];
+  const groups = makers.map((maker) =>
+    [maker,
+      robots.value.filter((one) => (one.vendor ?? "other") === maker).map((one) => [one.name, one.model ?? one.name])]);
+  return [...groups,
+    ["files of this folder", ofKind("robot").filter((path) => !path.endsWith(".urdf")).map((path) => [path, path])]];
 }
 
-/** Takes a calibration back whose plan was not made; says what is left. @param {{name: string, version: string}} made */
+/**
+ * Takes a calibration back whose plan was not made; says what is left.
+ * @param {{name: string, version: string}} made
+ */
 async function withdrawn({ name, version }) {
   try {
     await post("/api/calibrations/withdraw", { name, version });
@@ -41,24 +43,27 @@ async function withdrawn({ name, version }) {
 }
 
 export function New() {
-  const choices = useSignal(/** @type {Choices | null} */ (null));
-  const robot = useSignal(""), instrument = useSignal(""), place = useSignal(""), name = useSignal(""), serial = useSignal("");
+  const choices = useSignal(/** @type {import("answers").CalibrationChoices | null} */ (null));
+  const robot = useSignal(""), instrument = useSignal(""), place = useSignal(""), name = useSignal("");
+  const serial = useSignal("");
   const point = useSignal(/** @type {(number | null)[]} */ ([null, null, null]));
   const measurements = useSignal(/** @type {number | null} */ (null));
-  const wrong = useSignal(/** @type {Refused | null} */ (null)), sent = useSignal(""), lines = useSignal(/** @type {string[]} */ ([]));
-  const proposal = useSignal(/** @type {Proposal | null} */ (null));
-  /** How the instrument is mounted where that is not as assumed. @type {import("@preact/signals").Signal<Record<string, number[]>>} */
-  const mounted = useSignal({});
-  /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
-  const job = useSignal(null);
+  const wrong = useSignal(/** @type {Refused | null} */ (null)), sent = useSignal("");
+  const lines = useSignal(/** @type {string[]} */ ([]));
+  const proposal = useSignal(/** @type {import("answers").CalibrationProposal | null} */ (null));
+  /** How the instrument is mounted where that is not as assumed. */
+  const mounted = useSignal(/** @type {Record<string, number[]>} */ ({}));
+  const job = useSignal(/** @type {import("../core/jobs.js").Followed | null} */ (null));
   useEffect(() => { get("/api/calibrations/choices").then((found) => {
     choices.value = found;
     instrument.value = found.instruments[0].name;
     place.value = found.places[0].kind;
   }, failed); }, []);
   const propose = useMemo(() => latest(
-    () => (robot.value && instrument.value ? post("/api/calibrations/proposal", { robot: robot.value, instrument: instrument.value }) : Promise.resolve(null)),
-    (/** @type {Proposal} */ found, newest) => { if (newest) proposal.value = found; },
+    () => (robot.value && instrument.value
+      ? post("/api/calibrations/proposal", { robot: robot.value, instrument: instrument.value })
+      : Promise.resolve(null)),
+    (found, newest) => { if (newest) proposal.value = found; },
     () => {}, // what is wrong with the robot is said once a plan is made
   ), []);
   useEffect(() => { proposal.value = null; mounted.value = {}; propose(); }, [robot.value, instrument.value]);
@@ -68,13 +73,15 @@ export function New() {
   const stem = robot.value.replace(/^.*\//, "").replace(/\.\w+$/, "") || "calibration";
   let proposed = stem;
   for (let k = 2; taken.has(proposed); k++) proposed = `${stem}-${k}`;
-  const at_mm = (/** @type {string} */ kind) => proposal.value?.places.find((one) => one.kind === kind)?.at_mm.map((v) => fixed(v, 0)).join(", ");
+  const at_mm = (/** @type {string} */ kind) =>
+    proposal.value?.places.find((one) => one.kind === kind)?.at_mm.map((v) => fixed(v, 0)).join(", ");
   const assumed = proposal.value?.mounted ?? {}, mounting = Object.entries({ ...assumed, ...mounted.value });
   const entries = () => ({
     name: name.value.trim() || proposed, robot: robot.value, instrument: instrument.value,
     place: { kind: place.value, ...(place.value === "point" ? { point_mm: point.value } : {}) },
     mounted: mounted.value,
-    ...(serial.value.trim() ? { serial: serial.value.trim() } : {}), ...(measurements.value ? { measurements: measurements.value } : {}),
+    ...(serial.value.trim() ? { serial: serial.value.trim() } : {}),
+    ...(measurements.value ? { measurements: measurements.value } : {}),
   });
   const make = (/** @type {Event} */ event) => {
     event.preventDefault();
@@ -94,7 +101,8 @@ export function New() {
           return;
         }
         const left = ended.gone ? "" : await withdrawn(made);
-        lines.value = ["No plan was made", ...(ended.answer?.said ?? []), ...(ended.answer?.removed ? [ended.answer.removed] : []), left].filter(Boolean);
+        lines.value = ["No plan was made", ...(ended.answer?.said ?? []),
+          ...(ended.answer?.removed ? [ended.answer.removed] : []), left].filter(Boolean);
         await refresh();
       } catch (error) {
         if (!(error instanceof Refused)) throw error;
@@ -106,36 +114,64 @@ export function New() {
   const refusal = sent.value === JSON.stringify(entries()) ? wrong.value : null;
   const at = (/** @type {string} */ key) => (refusal?.key[0] === key ? refusal.text : "");
   const known = ["name", "robot", "serial"].includes(String(refusal?.key[0]));
-  const busy = job.value !== null && !["done", "stopped", "failed"].includes(job.value.state.value.state);
+  const busy = underWay(job.value);
   return html`
     <${Form} class="new" onSubmit=${make}>
       <fieldset><legend><b>1</b> Which arm?</legend>
-        <${Choice} label="Robot" value=${robot.value} groups=${robotGroups()} none="choose an arm" onValue=${(/** @type {string} */ value) => { robot.value = value; }} />
+        <${Choice} label="Robot" value=${robot.value} groups=${robotGroups()} none="choose an arm"
+          onValue=${into(robot)} />
         ${at("robot") && html`<p class="error" role="alert">${at("robot")}</p>`}
-        <p class="muted">Not in the list: put its robot file or URDF into the folder; <code>zerobeam robot</code> shows what is expected.</p>
+        <p class="muted">Not in the list: put its robot file or URDF into the folder; <code>zerobeam robot</code> shows
+          what is expected.</p>
       </fieldset>
       <fieldset class="cards"><legend><b>2</b> Which instrument?</legend>
-        ${instruments.map((one) => html`<label class="option" key=${one.name}><input type="radio" name="instrument" value=${one.name} checked=${one.name === instrument.value} onChange=${() => { instrument.value = one.name; }} /> <b>${one.words}</b><span>${one.about}</span></label>`)}
+        ${instruments.map((one) => html`
+          <label class="option" key=${one.name}>
+            <input type="radio" name="instrument" value=${one.name} checked=${one.name === instrument.value}
+              onChange=${() => { instrument.value = one.name; }} /> <b>${one.words}</b>
+            <span>${one.about}</span></label>`)}
       </fieldset>
       <fieldset class="cards"><legend><b>3</b> Where is the target?</legend>
-        ${places.map((one) => html`<label class="option" key=${one.kind}><input type="radio" name="place" value=${one.kind} checked=${one.kind === place.value} onChange=${() => { place.value = one.kind; }} /> <b>${one.words}</b>${at_mm(one.kind) && html`<span>x, y, z = ${at_mm(one.kind)} mm in the base frame</span>`}</label>`)}
-        ${place.value === "point" && html`<div class="fields">${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" value=${point.value[i]} onValue=${(/** @type {number} */ value) => { point.value = point.value.map((one, k) => (k === i ? value : one)); }} />`)}</div>`}
+        ${places.map((one) => html`
+          <label class="option" key=${one.kind}>
+            <input type="radio" name="place" value=${one.kind} checked=${one.kind === place.value}
+              onChange=${() => { place.value = one.kind; }} /> <b>${one.words}</b>
+            ${at_mm(one.kind) && html`<span>x, y, z = ${at_mm(one.kind)} mm in the base frame</span>`}</label>`)}
+        ${place.value === "point" && html`
+          <div class="fields">
+            ${["x", "y", "z"].map((axis, i) => html`
+              <${NumberField} label=${`Target ${axis}`} unit="mm" value=${point.value[i]}
+                onValue=${(/** @type {number} */ value) => {
+                  point.value = point.value.map((one, k) => (k === i ? value : one));
+                }} />`)}</div>`}
       </fieldset>
       ${mounting.length > 0 && html`
-        <p>${Object.keys(mounted.value).length ? "On the flange" : "Assumed on the flange"}: ${mountedWords(Object.fromEntries(mounting))}, in the flange frame. The plan depends on it.</p>
+        <p>${Object.keys(mounted.value).length ? "On the flange"
+          : "Assumed on the flange"}: ${mountedWords(Object.fromEntries(mounting))},
+          in the flange frame. The plan depends on it.</p>
         <${Fold} key=${`${robot.value} ${instrument.value}`} title="Mounted otherwise" kept><div class="fields">
-          ${mounting.map(([key, values]) => ["x", "y", "z"].map((axis, i) => html`<${NumberField} key=${key + axis} label=${`${MOUNTED[key]?.[0] ?? key} ${axis}`} unit=${MOUNTED[key]?.[1] ?? ""} value=${values[i]} onValue=${(/** @type {number} */ value) => { mounted.value = { ...mounted.value, [key]: values.map((one, k) => (k === i ? value : one)) }; }} />`))}
+          ${mounting.map(([key, values]) =>
+            ["x", "y", "z"].map((axis, i) => html`
+              <${NumberField} key=${key + axis} label=${`${MOUNTED[key]?.[0] ?? key} ${axis}`}
+                unit=${MOUNTED[key]?.[1] ?? ""} value=${values[i]}
+                onValue=${(/** @type {number} */ value) => {
+                  mounted.value = { ...mounted.value, [key]: values.map((one, k) => (k === i ? value : one)) };
+                }} />`))}
         </div><//>`}
       <${Fold} title="Name, serial number, number of measurements" kept>
         <div class="fields">
-          <${TextField} label="Name of the calibration" value=${name.value} placeholder=${proposed} error=${at("name")} sent onValue=${(/** @type {string} */ value) => { name.value = value; }} />
-          <${TextField} label="Serial number of the arm" value=${serial.value} error=${at("serial")} sent onValue=${(/** @type {string} */ value) => { serial.value = value; }} />
-          <${NumberField} label="Measurements" value=${measurements.value} optional whole least=${2} placeholder="as few as are enough" onValue=${(/** @type {number | null} */ value) => { measurements.value = value; }} />
+          <${TextField} label="Name of the calibration" value=${name.value} placeholder=${proposed} error=${at("name")}
+            sent onValue=${into(name)} />
+          <${TextField} label="Serial number of the arm" value=${serial.value} error=${at("serial")} sent
+            onValue=${into(serial)} />
+          <${NumberField} label="Measurements" value=${measurements.value} optional whole least=${2}
+            placeholder="as few as are enough" onValue=${into(measurements)} />
         </div>
       <//>
       ${refusal && !known && html`<p class="error" role="alert">${refusal.text}</p>`}
       ${at("name") && html`<p class="error" role="alert">${at("name")}</p>`}
-      <p class="bar"><${Submit} disabled=${busy || !robot.value}>Make the plan<//>${!robot.value && html`<span class="muted">Choose an arm first.</span>`}</p>
+      <p class="bar"><${Submit} disabled=${busy || !robot.value}>Make the plan<//>
+        ${!robot.value && html`<span class="muted">Choose an arm first.</span>`}</p>
       ${job.value && html`<${JobProgress} key=${job.value.id} job=${job.value} title="Making the plan" />`}
       <ul class="lines" role="alert">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
     <//>`;

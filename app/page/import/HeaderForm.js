@@ -14,7 +14,7 @@ import { keyOf, places } from "./schema.js";
 
 export function HeaderForm() {
   const schema = useSignal(/** @type {Schema | null} */ (null));
-  const content = useSignal(/** @type {any} */ (structuredClone(beginning.value)));
+  const content = useSignal(structuredClone(beginning.value));
   const typed = useSignal(""), state = useSignal(""), fault = useSignal(""), fileFault = useSignal("");
   const errors = useSignal(/** @type {Record<string, string>} */ ({}));
   const box = useRef(/** @type {HTMLElement | null} */ (null));
@@ -23,8 +23,11 @@ export function HeaderForm() {
 
   /** An error is shown at the innermost place that its key leads to. @param {Refused} error */
   function refuse(error) {
-    const at = keyOf(error.key.slice(1)), all = schema.value ? places(schema.value, schema.value, content.value).map(({ path }) => keyOf(path)) : [];
-    const near = error.key[0] === "header" ? all.filter((key) => key && (at === key || at.startsWith(`${key}/`))).sort((a, b) => b.length - a.length)[0] : undefined;
+    const at = keyOf(error.key.slice(1));
+    const all = schema.value ? places(schema.value, schema.value, content.value).map(({ path }) => keyOf(path)) : [];
+    const near = error.key[0] === "header"
+      ? all.filter((key) => key && (at === key || at.startsWith(`${key}/`))).sort((a, b) => b.length - a.length)[0]
+      : undefined;
     errors.value = near ? { [near]: error.text } : {};
     fileFault.value = error.key[0] === "file" ? error.text : "";
     fault.value = near || fileFault.value ? "" : error.text;
@@ -35,7 +38,8 @@ export function HeaderForm() {
     async () => {
       const header = content.peek();
       // Before robot, instrument and noise are stated there is nothing to check.
-      const begun = header.robot !== undefined && header.noise !== undefined && (header.tool !== undefined || header.instruments !== undefined);
+      const begun = header.robot !== undefined && header.noise !== undefined
+        && (header.tool !== undefined || header.instruments !== undefined);
       return begun ? post("/api/header/check", { file: "header.yaml", header }) : null;
     },
     (found) => {
@@ -52,7 +56,8 @@ export function HeaderForm() {
     const missing = places(root, root, content.value).filter((one) => one.missing);
     if (missing.length) {
       errors.value = Object.fromEntries(missing.map(({ path }) => [keyOf(path), "This must be stated."]));
-      /** @type {HTMLElement | null | undefined} */ (box.current?.querySelector(`[data-key="${CSS.escape(keyOf(missing[0].path))}"] :is(input, select)`))?.focus();
+      const first = `[data-key="${CSS.escape(keyOf(missing[0].path))}"] :is(input, select)`;
+      /** @type {HTMLElement | null | undefined} */ (box.current?.querySelector(first))?.focus();
       return;
     }
     try {
@@ -71,15 +76,25 @@ export function HeaderForm() {
   if (root === null) return html`<p class="muted">…</p>`;
   const form = {
     root, errors: errors.value, lists: { robot: robots.value.map((one) => one.name) },
-    touched: (/** @type {string} */ key) => { if (key in errors.value) errors.value = Object.fromEntries(Object.entries(errors.value).filter(([one]) => one !== key)); },
+    touched: (/** @type {string} */ key) => {
+      if (key in errors.value) {
+        errors.value = Object.fromEntries(Object.entries(errors.value).filter(([one]) => one !== key));
+      }
+    },
   };
   return html`
     <div class="header-form" ref=${box}>
       <p class="muted">Fields without a value take the default that they show.</p>
-      <${Group} form=${form} schema=${root} path=${[]} value=${content.value} onValue=${(/** @type {any} */ value) => { content.value = value ?? {}; state.value = "Not saved yet."; check(); }} />
+      <${Group} form=${form} schema=${root} path=${[]} value=${content.value}
+        onValue=${(/** @type {typeof content.value | undefined} */ value) => {
+          content.value = value ?? {};
+          state.value = "Not saved yet.";
+          check();
+        }} />
       ${fault.value && html`<p class="fault" role="alert">${fault.value}</p>`}
       <div class="bar">
-        <${TextField} label="Save as" value=${typed.value || file} error=${fileFault.value} onValue=${(/** @type {string} */ value) => { fileFault.value = ""; typed.value = value; }} />
+        <${TextField} label="Save as" value=${typed.value || file} error=${fileFault.value}
+          onValue=${(/** @type {string} */ value) => { fileFault.value = ""; typed.value = value; }} />
         <button type="button" class="main" onClick=${save}>Save header</button>
         <span class="muted" role="status">${state.value}</span>
       </div>

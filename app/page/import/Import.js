@@ -17,6 +17,7 @@ import { aboutOf, format, forms as allForms, formatsOf, loadForms, setFormat, va
 import { Outcome } from "./Outcome.js";
 import { Recordings } from "./Recordings.js";
 import { choose, recordings } from "./sources.js";
+import { into } from "../parts/heard.js";
 
 /** One target for each file; a plan says them itself, and a column or a marker may. */
 function Targets() {
@@ -24,7 +25,10 @@ function Targets() {
   const known = Object.keys(chosen.value?.header.targets ?? {});
   return html`
     <div class="fields targets">
-      ${sources.value.map((row) => html`<${TextField} key=${row.path} id=${`target ${row.path}`} label=${`Target of ${row.path}`} list=${known} value=${targets.value[row.path] ?? targetOf(row.path)} onValue=${(/** @type {string} */ value) => { targets.value = { ...targets.value, [row.path]: value }; }} />`)}
+      ${sources.value.map((row) => html`
+        <${TextField} key=${row.path} id=${`target ${row.path}`} label=${`Target of ${row.path}`} list=${known}
+          value=${targets.value[row.path] ?? targetOf(row.path)}
+          onValue=${(/** @type {string} */ value) => { targets.value = { ...targets.value, [row.path]: value }; }} />`)}
     </div>
     ${values.value["--marker-topic"] && html`<p class="muted">Without targets the markers name them.</p>`}`;
 }
@@ -35,8 +39,13 @@ function Format() {
   useEffect(() => { if (!forms.includes(format.value) || !format.value) setFormat(forms[0]); }, [forms.join()]);
   return html`
     <div class="fields">
-      <${Choice} label="Format" value=${format.value} none=${forms[0] ? undefined : "choose"} groups=${[["formats", forms.filter(Boolean).map((form) => [form, aboutOf(form)])]]} onValue=${setFormat} />
-      <p class="muted help">${several && forms[0] !== "points" ? "The files are of different kinds: all files of one import have one format." : forms[0] ? `Recognised by ${(founds.find((found) => found.form === format.value) ?? founds[0]).why}.` : "State which controller wrote it."}</p>
+      <${Choice} label="Format" value=${format.value} none=${forms[0] ? undefined : "choose"}
+        groups=${[["formats", forms.filter(Boolean).map((form) => [form, aboutOf(form)])]]} onValue=${setFormat} />
+      <p class="muted help">
+        ${several && forms[0] !== "points"
+          ? "The files are of different kinds: all files of one import have one format."
+          : forms[0] ? `Recognised by ${(founds.find((found) => found.form === format.value) ?? founds[0]).why}.`
+          : "State which controller wrote it."}</p>
     </div>`;
 }
 
@@ -47,7 +56,8 @@ export function Import() {
   const changed = now !== null && outcome.value !== null && outcome.value.words !== wordsOf(now.words);
   return html`
     <div class="import">
-      <p class="muted">Recorded joint positions become a run. What is not in a recording you state: nothing is guessed, and a proposal is applied only when you take it.</p>
+      <p class="muted">Recorded joint positions become a run. What is not in a recording you state: nothing is guessed,
+        and a proposal is applied only when you take it.</p>
       <${Recordings} />
       ${recordings.value.length > 0 && allForms.value !== null && html`
         <${Format} />
@@ -62,15 +72,19 @@ export function Import() {
             <h2 id="import-run">4. Run</h2>
             <${Targets} />
             <div class="bar">
-              <${TextField} label="Run file" value=${outTyped.value || out.value} onValue=${(/** @type {string} */ value) => { outTyped.value = value; }} />
+              <${TextField} label="Run file" value=${outTyped.value || out.value} onValue=${into(outTyped)} />
               <button type="button" disabled=${busy} onClick=${() => carryOut(true)}>Try</button>
               <button type="button" class="main" disabled=${busy} onClick=${() => carryOut(false)}>Import</button>
-              ${now?.missing ? html`<span class="muted">${now.text}</span>` : changed ? html`<span class="muted">Changed since then: try or import again.</span>` : ""}
+              ${now?.missing ? html`<span class="muted">${now.text}</span>`
+                : changed ? html`<span class="muted">Changed since then: try or import again.</span>` : ""}
             </div>
-            ${underWay.value && html`<${JobProgress} job=${underWay.value.job} title=${underWay.value.title} /><p class="muted">${underWay.value.title}…</p>`}
+            ${underWay.value && html`
+              <${JobProgress} job=${underWay.value.job} title=${underWay.value.title} />
+              <p class="muted">${underWay.value.title}…</p>`}
             ${refusal.value && html`<p class="fault" role="alert">${refusal.value}</p>`}
             <${Outcome} />
-            <${Fold} title="The same on the command line"><pre class="command" tabindex="0" aria-label="Command">${now?.text}</pre><//>
+            <${Fold} title="The same on the command line">
+              <pre class="command" tabindex="0" aria-label="Command">${now?.text}</pre><//>
           </section>`}`}
     </div>`;
 }

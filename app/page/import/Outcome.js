@@ -6,7 +6,10 @@ import { outcome, toResult } from "./carrying.js";
 import { mapped, reverse, swap } from "./mapping.js";
 import { format } from "./formats.js";
 
-/** What takes a cause back, where this import can. @param {import("./carrying.js").Explanation} found @returns {(() => void) | null} */
+/**
+ * What takes a cause back, where this import can.
+ * @param {import("./carrying.js").Explanation} found @returns {(() => void) | null}
+ */
 function remedy(found) {
   if (format.value !== "csv") return null;
   const [first, second] = found.joints;
@@ -24,13 +27,20 @@ export function Outcome() {
       <p role="status">${written ? `Written to ${written}.` : "Tried: nothing was written."}</p>
       ${fit && html`
         <h3>Unit, signs and order, tested by a fit</h3>
-        <p class="muted">A fit tries what is often wrong with a recording. An error that changes no residual stays unseen, such as the sign of a joint that did not move: no finding is no proof.</p>
-        ${fit.message ? html`<${Message} verdict=${fit.verdict} message=${fit.message} />` : html`<p class=${`verdict ${fit.verdict}`}>${sentence(fit.headline)}</p>`}
+        <p class="muted">A fit tries what is often wrong with a recording. An error that changes no residual stays
+          unseen, such as the sign of a joint that did not move: no finding is no proof.</p>
+        ${fit.message ? html`<${Message} verdict=${fit.verdict} message=${fit.message} />`
+          : html`<p class=${`verdict ${fit.verdict}`}>${sentence(fit.headline)}</p>`}
         <ul class="proposals diagnosis">${fit.diagnosis.map((found) => {
           const take = remedy(found);
-          return html`<li class=${take ? "proposed" : ""}><span>${capital(found.sentence)}.</span>${take && html`<button type="button" onClick=${() => { take(); outcome.value = null; }}>Take it, then import again</button>`}</li>`;
+          return html`
+            <li class=${take ? "proposed" : ""}><span>${capital(found.sentence ?? "")}.</span>
+              ${take && html`
+                <button type="button"
+                  onClick=${() => { take(); outcome.value = null; }}>Take it, then import again</button>`}</li>`;
         })}</ul>`}
-      ${written && html`<p class="bar"><button type="button" class=${fit ? "" : "main"} onClick=${toResult}>To the result</button></p>`}
+      ${written && html`
+        <p class="bar"><button type="button" class=${fit ? "" : "main"} onClick=${toResult}>To the result</button></p>`}
       <h3>How the files were read</h3>
       <ul class="understood">${understood.map((line) => html`<li>${line}</li>`)}</ul>
     </section>`;

@@ -9,17 +9,17 @@ import { command, out, outTyped } from "./command.js";
 import { ensureFolder, folder } from "./sources.js";
 
 /** @typedef {import("../core/jobs.js").Followed} Followed */
-/** @typedef {{cause: string, joints: number[], sentence: string}} Explanation */
+/** @typedef {import("answers").Explanation} Explanation */
 /**
- * What an import came to: `understood` has how the files were read, `words` what was carried out, `written` the run ("" of a trial), `folder` its calibration;
+ * What an import came to: `understood` has how the files were read, `words` what was carried out, `written` the
+ *   run ("" of a trial), `folder` its calibration;
  * `fit` is the answer of the test by a fit.
- * @typedef {{words: string, understood: string[], written: string, folder: string, fit: {verdict: string, headline: string, message?: import("../parts/Message.js").MessageFacts, diagnosis: Explanation[]} | null}} Outcome
+ * @typedef {{words: string, understood: string[], written: string, folder: string,
+ *   fit: import("../result/types.js").Found | null}} Outcome
  */
 
-/** @type {import("@preact/signals").Signal<Outcome | null>} */
-export const outcome = signal(null);
-/** @type {import("@preact/signals").Signal<{job: Followed, title: string} | null>} */
-export const underWay = signal(null);
+export const outcome = signal(/** @type {Outcome | null} */ (null));
+export const underWay = signal(/** @type {{job: Followed, title: string} | null} */ (null));
 export const refusal = signal("");
 
 /** Without the file that is written: whether what is stated has changed since. @param {string[]} words */
@@ -32,7 +32,8 @@ async function done(words, title) {
   const ended = await job.ended;
   underWay.value = null;
   if (well(ended)) return ended;
-  if (ended.state === "failed") refusal.value = ended.log.map((line) => line.trim()).join("; ").replace(/^error: /, "") || "the command failed";
+  if (ended.state === "failed") refusal.value = ended.log.map((line) => line.trim()).join("; ").replace(/^error: /, "")
+    || "the command failed";
   else say("Cancelled: nothing was written.");
   return null;
 }
@@ -58,7 +59,8 @@ export const carryOut = (dry) => refusable(async () => {
   await ensureFolder();
   const job = await done(dry ? [...words, "--dry-run"] : words, dry ? "Trying" : "Importing");
   if (job === null) return;
-  outcome.value = { words: wordsOf(words), understood: job.log.map((line) => line.trim()), written: dry ? "" : file, folder: to, fit: null };
+  outcome.value = { words: wordsOf(words), understood: job.log.map((line) => line.trim()), written: dry ? "" : file,
+    folder: to, fit: null };
   if (dry) { say("Tried: nothing was written."); return; }
   outTyped.value = "";
   await refresh();
@@ -71,9 +73,9 @@ async function test() {
   if (imported === null) return;
   const job = await done(["analyse", imported.written], "Testing unit, signs and order by a fit");
   if (job?.answer == null || outcome.value !== imported) return;
-  outcome.value = { ...imported, fit: job.answer };
+  outcome.value = { ...imported, fit: /** @type {Outcome["fit"]} */ (job.answer) };
   keepAnalysis(job, imported.written);
-  if (!job.answer.diagnosis.length) toResult();
+  if (!job.answer.diagnosis?.length) toResult();
 }
 
 export function toResult() {
@@ -81,7 +83,10 @@ export function toResult() {
   if (imported === null) return;
   const cut = imported.written.lastIndexOf("/"), name = cut < 0 ? "." : imported.written.slice(0, cut);
   const { fit } = imported;
-  say(fit === null ? "Imported." : fit.verdict === "misfit" ? "Imported. None of the causes that were tried explains the misfit."
-    : "Imported. A fit contradicts neither unit nor signs nor order. An error that changes no residual stays unseen, such as the sign of a joint that did not move.");
-  go(toJob(home.value?.calibrations.some((one) => one.name === name) ? name : imported.folder, "result", imported.written));
+  const clear = "A fit contradicts neither unit nor signs nor order. "
+    + "An error that changes no residual stays unseen, such as the sign of a joint that did not move.";
+  const tested = fit?.verdict === "misfit" ? "None of the causes that were tried explains the misfit." : clear;
+  say(fit === null ? "Imported." : `Imported. ${tested}`);
+  go(toJob(home.value?.calibrations.some((one) => one.name === name) ? name : imported.folder, "result",
+    imported.written));
 }

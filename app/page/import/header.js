@@ -8,11 +8,10 @@ export const NEW = "\0new"; // no file can have this name
 
 /** What is chosen in the list: a file, NEW, or "". */
 export const headerFile = signal("");
-/** @type {import("@preact/signals").Signal<ChosenHeader | null>} */
-export const chosen = signal(null);
+export const chosen = signal(/** @type {ChosenHeader | null} */ (null));
 export const headerFault = signal("");
-/** What the form of a new header begins with. @type {import("@preact/signals").Signal<any>} */
-export const beginning = signal({});
+/** What the form of a new header begins with. */
+export const beginning = signal(/** @type {Partial<import("./types.js").HeaderContent>} */ ({}));
 
 /** @param {string} name @param {boolean} plan */
 export async function pick(name, plan) {
@@ -22,7 +21,7 @@ export async function pick(name, plan) {
   if (!name || name === NEW) return;
   try {
     const found = await getFile("header", name);
-    if (headerFile.value === name) chosen.value = { ...found, plan };
+    if (headerFile.value === name) chosen.value = /** @type {ChosenHeader} */ ({ ...found, plan });
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     headerFault.value = error.text;
@@ -38,9 +37,15 @@ export function editCopy() {
 
 /** A sentence about what is chosen. @param {ChosenHeader} header */
 export function about({ header, plan, notes }) {
-  const robot = typeof header.robot === "string" ? header.robot : `${header.robot.urdf}, ${header.robot.base} to ${header.robot.tip}`;
+  const robot = typeof header.robot === "string" ? header.robot
+    : `${header.robot.urdf}, ${header.robot.base} to ${header.robot.tip}`;
   const instruments = Object.entries(header.instruments ?? {}).map(([name, one]) => `${name} (${one.kind})`);
-  const tools = [...(header.tool ? [`${header.tool.kind}${header.tool.calibrated === false ? ", not calibrated" : ""}`] : []), ...instruments];
-  const joint = [header.noise.joint_deg].flat().join(", "), spot = header.noise.spot_mm ? `, ${header.noise.spot_mm} mm of a spot` : "";
-  return [`Robot ${robot}; ${tools.join(", ")}; noise ${joint}° of a joint${spot}.`, plan ? "The plan says which posture has which target." : "", ...notes].filter(Boolean).join(" ");
+  const tools = [...(header.tool ? [`${header.tool.kind}${header.tool.calibrated === false ? ", not calibrated" : ""}`]
+    : []),
+    ...instruments];
+  const joint = [header.noise.joint_deg].flat().join(", ");
+  const spot = header.noise.spot_mm ? `, ${header.noise.spot_mm} mm of a spot` : "";
+  return [`Robot ${robot}; ${tools.join(", ")}; noise ${joint}° of a joint${spot}.`,
+    plan ? "The plan says which posture has which target." : "", ...notes].filter(Boolean)
+    .join(" ");
 }

@@ -5,26 +5,26 @@ import { chosen } from "./header.js";
 import { format } from "./formats.js";
 import { lookAgain, recordings } from "./sources.js";
 
-/** @typedef {import("./types.js").ColumnsAnswer} ColumnsAnswer */
-/** @typedef {{columns: (string | null)[] | null, units: string, lengths: string, reversed: number[], j3: string}} Mapped */
+/** @typedef {import("answers").ColumnsAnswer} ColumnsAnswer */
+/**
+ * @typedef {{columns: (string | null)[] | null, units: string, lengths: string, reversed: number[], j3: string}} Mapped
+ */
 
 /** @type {Mapped} */
 const EMPTY = { columns: null, units: "", lengths: "", reversed: [], j3: "" };
 
-/** Where they were stated otherwise than found: header_row, delimiter, decimal. @type {import("@preact/signals").Signal<{header_row?: boolean, delimiter?: string, decimal?: string}>} */
-export const layout = signal({});
-/** @type {import("@preact/signals").Signal<Mapped>} */
-export const mapped = signal(EMPTY);
-/** @type {import("@preact/signals").Signal<ColumnsAnswer | null>} */
-export const answer = signal(null);
-/** @type {import("@preact/signals").Signal<Refused | null>} */
-export const wrong = signal(null);
+/** Where they were stated otherwise than found: header_row, delimiter, decimal. */
+export const layout = signal(/** @type {{header_row?: boolean, delimiter?: string, decimal?: string}} */ ({}));
+export const mapped = signal(/** @type {Mapped} */ (EMPTY));
+export const answer = signal(/** @type {ColumnsAnswer | null} */ (null));
+export const wrong = signal(/** @type {Refused | null} */ (null));
 
 /** What the columns are asked of; null where there is no table to map. */
 const source = computed(() => {
   const header = chosen.value, tables = recordings.value;
   if (format.value !== "csv" || header === null || !tables.length) return null;
-  return { files: tables.map((row) => row.path), robot: header.header.robot, beside: header.file, columns: tables[0].found?.columns ?? [] };
+  return { files: tables.map((row) => row.path), robot: header.header.robot, beside: header.file,
+    columns: tables[0].found?.columns ?? [] };
 });
 
 const ask = latest(
@@ -32,7 +32,8 @@ const ask = latest(
     const asked = source.peek(), { columns, units, lengths, reversed, j3 } = mapped.peek();
     if (asked === null) return null;
     const { files, robot, beside } = asked;
-    const found = await post("/api/columns", { files, robot, beside, ...layout.peek(), ...(columns ? { columns } : {}), units: units || null, lengths: lengths || null, reversed_joints: reversed, j3: j3 || null });
+    const found = await post("/api/columns", { files, robot, beside, ...layout.peek(), ...(columns ? { columns } : {}),
+      units: units || null, lengths: lengths || null, reversed_joints: reversed, j3: j3 || null });
     return asked === source.peek() ? found : null;
   },
   (found) => {
@@ -67,10 +68,13 @@ export function map(more) {
 }
 
 /** @param {number} joint @param {string | null} column */
-export const mapColumn = (joint, column) => map({ columns: (mapped.peek().columns ?? []).map((one, i) => (i === joint ? column : one)) });
+export const mapColumn = (joint, column) =>
+  map({ columns: (mapped.peek().columns ?? []).map((one, i) => (i === joint ? column : one)) });
 
 /** @param {number} joint from 1 @param {boolean} on */
-export const reverse = (joint, on) => map({ reversed: [...mapped.peek().reversed.filter((other) => other !== joint), ...(on ? [joint] : [])].sort((a, b) => a - b) });
+export const reverse = (joint, on) =>
+  map({ reversed: [...mapped.peek().reversed.filter((other) => other !== joint), ...(on ? [joint] : [])].sort((a, b) =>
+    a - b) });
 
 /** @param {number} a @param {number} b from 1 */
 export function swap(a, b) {
@@ -79,7 +83,10 @@ export function swap(a, b) {
   map({ columns });
 }
 
-/** The tables are read anew, as they are stated to be laid out. @param {Partial<{header_row: boolean, delimiter: string, decimal: string}>} more */
+/**
+ * The tables are read anew, as they are stated to be laid out.
+ * @param {Partial<{header_row: boolean, delimiter: string, decimal: string}>} more
+ */
 export async function layOut(more) {
   layout.value = { ...layout.peek(), ...more };
   try {

@@ -2,10 +2,13 @@
 import { parsed } from "../core/decimal.js";
 
 /**
- * @typedef {{$ref?: string, $defs?: Record<string, Schema>, description?: string, type?: string, properties?: Record<string, Schema>, required?: string[], items?: Schema, prefixItems?: Schema[],
- *   additionalProperties?: Schema | boolean, anyOf?: Schema[], oneOf?: Schema[], enum?: string[], const?: string, default?: unknown}} Schema
+ * @typedef {{$ref?: string, $defs?: Record<string, Schema>, description?: string, type?: string,
+ *   properties?: Record<string, Schema>, required?: string[], items?: Schema, prefixItems?: Schema[],
+ *   additionalProperties?: Schema | boolean, anyOf?: Schema[], oneOf?: Schema[], enum?: string[], const?: string,
+ *   default?: unknown}} Schema
  * @typedef {(string | number)[]} Path
- * @typedef {{kind: "field" | "group" | "text or group" | "one of" | "list" | "named", schema: Schema, kinds: Schema[]}} Shape
+ * @typedef {{kind: "field" | "group" | "text or group" | "one of" | "list" | "named", schema: Schema,
+ *   kinds: Schema[]}} Shape
  *   `kinds`: the alternatives that are objects, or, of a field, all of them
  */
 
@@ -21,45 +24,70 @@ const alternatives = (schema) => (schema.anyOf ?? schema.oneOf ?? []).filter((on
 
 /** @param {Schema} root @param {Schema} schema @returns {Shape} */
 export function shapeOf(root, schema) {
-  const own = resolved(root, schema), kinds = alternatives(own).map((one) => resolved(root, one)), objects = kinds.filter((kind) => kind.properties);
+  const own = resolved(root, schema), kinds = alternatives(own).map((one) => resolved(root, one));
+  const objects = kinds.filter((kind) => kind.properties);
   if (objects.length > 1) return { kind: "one of", schema: own, kinds: objects };
   if (objects.length) return { kind: "text or group", schema: own, kinds: objects };
   if (own.properties) return { kind: "group", schema: own, kinds };
   if (own.type === "object") return { kind: "named", schema: own, kinds };
-  if (own.type === "array" && own.items && resolved(root, own.items).properties) return { kind: "list", schema: own, kinds };
+  if (own.type === "array" && own.items && resolved(root, own.items).properties) {
+    return { kind: "list", schema: own, kinds };
+  }
   return { kind: "field", schema: own, kinds };
 }
 
 /** The words that `kind` may be in an alternative. @param {Schema} schema @returns {string[]} */
-export const kindWords = (schema) => { const kind = schema.properties?.kind; return kind?.enum ?? (kind?.const ? [kind.const] : []); };
+export const kindWords = (schema) => {
+  const kind = schema.properties?.kind;
+  return kind?.enum ?? (kind?.const ? [kind.const] : []);
+};
 
-/** The alternative that a value is of. @param {Schema[]} kinds @param {any} value */
-export const alternativeOf = (kinds, value) => kinds.find((kind) => kindWords(kind).includes(value?.kind));
+/** @typedef {Record<string, unknown>} Part an object that is stated */
+/** Such an object; one without keys for all else. @param {unknown} value @returns {Part} */
+export const partOf = (value) => (isPart(value) ? /** @type {Part} */ (value) : {});
+/** @param {unknown} value */
+const isPart = (value) => value !== null && typeof value === "object";
 
-const inner = (/** @type {any} */ value) => value !== null && typeof value === "object";
+/** The alternative that a value is of. @param {Schema[]} kinds @param {unknown} value */
+export const alternativeOf = (kinds, value) =>
+  kinds.find((kind) => kindWords(kind).includes(String(partOf(value).kind)));
+
 /** What is entered by name, or item by item. @param {Schema} root @param {Schema} schema */
-export const itemOf = (root, schema) => resolved(root, schema.items ?? (typeof schema.additionalProperties === "object" ? schema.additionalProperties : {}));
+export const itemOf = (root, schema) =>
+  resolved(root, schema.items ?? (typeof schema.additionalProperties === "object" ? schema.additionalProperties : {}));
 
 /**
  * All places of a form, with whether something must be stated there that is not.
- * @param {Schema} root @param {Schema} schema @param {any} value @param {Path} path @param {boolean} required @returns {{path: Path, missing: boolean}[]}
+ * @param {Schema} root @param {Schema} schema @param {unknown} value @param {Path} path @param {boolean} required
+ * @returns {{path: Path, missing: boolean}[]}
  */
 export function places(root, schema, value, path = [], required = true) {
   const { kind, schema: own, kinds } = shapeOf(root, schema), here = { path, missing: false };
-  const keys = (/** @type {Schema} */ of, /** @type {any} */ given) => Object.entries(of.properties ?? {}).filter(([key]) => key !== "schema").flatMap(([key, one]) => places(root, one, given?.[key], [...path, key], (of.required ?? []).includes(key)));
-  if (kind === "field" || (kind === "text or group" && !inner(value))) return [{ path, missing: required && value === undefined }];
-  if (kind === "text or group") return [here, ...keys(kinds[0], value)];
-  if (kind === "one of") { const of = alternativeOf(kinds, value); return [{ path, missing: !of }, ...(of ? keys(of, value) : [])]; }
-  if (kind === "group") return [here, ...(required || value !== undefined ? keys(own, value) : [])];
-  const entries = Object.entries(value ?? {});
-  return [here, ...entries.flatMap(([key, one]) => places(root, itemOf(root, own), one, [...path, kind === "list" ? Number(key) : key], true))];
+  const keys = (/** @type {Schema} */ of) => Object.entries(of.properties ?? {}).filter(([key]) => key !== "schema")
+    .flatMap(([key, one]) => places(root, one, partOf(value)[key], [...path, key], (of.required ?? []).includes(key)));
+  if (kind === "field" || (kind === "text or group" && !isPart(value))) {
+    return [{ path, missing: required && value === undefined }];
+  }
+  if (kind === "text or group") return [here, ...keys(kinds[0])];
+  if (kind === "one of") {
+    const of = alternativeOf(kinds, value);
+    return [{ path, missing: !of }, ...(of ? keys(of) : [])];
+  }
+  if (kind === "group") return [here, ...(required || value !== undefined ? keys(own) : [])];
+  const entries = Object.entries(partOf(value));
+  return [here,
+    ...entries.flatMap(([key, one]) =>
+      places(root, itemOf(root, own), one, [...path, kind === "list" ? Number(key) : key], true))];
 }
 
 /** The key of a place in one word. @param {Path} path */
 export const keyOf = (path) => path.join("/");
 
 /** @param {string} key */
-export const title = (key) => { const text = key.replace(/_(mm|deg|kg)$/, "").replaceAll("_", " "); return text.charAt(0).toUpperCase() + text.slice(1); };
+export const title = (key) => {
+  const text = key.replace(/_(mm|deg|kg)$/, "").replaceAll("_", " ");
+  return text.charAt(0).toUpperCase() + text.slice(1);
+};
 
 /** @type {Record<string, string>} */
 const UNITS = { mm: "mm", deg: "°", kg: "kg" };
@@ -74,7 +102,8 @@ export const LIST = "numbers separated by spaces or semicolons, such as 0.5 1 2 
  */
 export function numbersOf(text) {
   const plain = text.trim(), commas = plain.split(",").length - 1;
-  const parts = /;/.test(plain) ? plain.split(/\s*;\s*/) : /\s/.test(plain) ? plain.split(/,?\s+/) : commas > 1 ? plain.split(",") : commas === 1 ? [] : [plain];
+  const parts = /;/.test(plain) ? plain.split(/\s*;\s*/) : /\s/.test(plain) ? plain.split(/,?\s+/)
+    : commas > 1 ? plain.split(",") : commas === 1 ? [] : [plain];
   const values = parts.filter(Boolean).map(parsed);
   return values.length === 0 || values.includes(null) ? null : /** @type {number[]} */ (values);
 }

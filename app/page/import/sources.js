@@ -5,8 +5,7 @@ import { files, freeName, home, inside, refresh, say } from "../core/store.js";
 
 /** @typedef {import("./types.js").Row} Row */
 
-/** @type {import("@preact/signals").Signal<Row[]>} */
-export const rows = signal([]);
+export const rows = signal(/** @type {Row[]} */ ([]));
 /** A calibration of the folder; "": a new one. */
 export const into = signal("");
 /** The name of the new one, as it is typed. */
@@ -22,8 +21,10 @@ export const recordings = computed(() => rows.value.filter((row) => row.found !=
 /** A name that no calibration and no folder has, after the first recording. */
 export const proposed = computed(() => {
   const first = rows.value[0]?.path ?? "";
-  const stem = first.replace(/^.*\//, "").replace(/\.[^.]*$/, "").replace(/[\\/]/g, "-").replace(/^\.+/, "") || "recording";
-  const taken = new Set([...(home.value?.calibrations ?? []).map((one) => one.name), ...files.value.map((file) => file.path.split("/")[0])]);
+  const stem = first.replace(/^.*\//, "").replace(/\.[^.]*$/, "").replace(/[\\/]/g, "-").replace(/^\.+/, "")
+    || "recording";
+  const taken = new Set([...(home.value?.calibrations ?? []).map((one) => one.name),
+    ...files.value.map((file) => file.path.split("/")[0])]);
   let free = stem;
   for (let k = 2; taken.has(free); k++) free = `${stem}-${k}`;
   return free;
@@ -106,7 +107,8 @@ export async function take(contents) {
     try {
       const path = inside(await ensureFolder()) + content.name;
       change(row, { path });
-      if (files.value.some((file) => file.path === path)) change(row, { busy: false, taken: { content, name: freeName(path) } });
+      if (files.value.some((file) => file.path === path)) change(row,
+        { busy: false, taken: { content, name: freeName(path) } });
       else await send(row, content, path);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;

@@ -13,6 +13,8 @@ export function Confirm({ text }) {
       <h2 id="confirm-title">The robot is about to move</h2>
       <p id="confirm-text">${text}</p>
       <p>Stop, or Escape, ends the run and stops the motion. It is no emergency stop.</p>
-      <p class="bar"><button type="button" class="main" onClick=${() => attempt(() => answer("yes"))}>Move the robot</button><button type="button" ref=${no} onClick=${() => attempt(() => answer("no"))}>Do not move</button></p>
+      <p class="bar">
+        <button type="button" class="main" onClick=${() => attempt(() => answer("yes"))}>Move the robot</button>
+        <button type="button" ref=${no} onClick=${() => attempt(() => answer("no"))}>Do not move</button></p>
     </div>`;
 }

@@ -1,4 +1,5 @@
-// A run by hand: where the arm is to go next, as the pendant counts it, and the fields for what pendant and instrument show there.
+// A run by hand: where the arm is to go next, as the pendant counts it, and the fields for what pendant and instrument
+// show there.
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
@@ -6,6 +7,7 @@ import { ALLOWED, parsed, parsedList } from "../core/decimal.js";
 import { attempt, say } from "../core/store.js";
 import { capital, fixed, unitSign } from "../core/words.js";
 import { answer, run } from "./running.js";
+import { value as heard } from "../parts/heard.js";
 
 const PATIENCE_MS = 2000; // until values that bring no answer count as too few
 /** @type {Record<string, string>} */
@@ -15,25 +17,39 @@ const DIGITS = { rad: 4, pulse: 0 };
 /** The server asks by the numbers of files. @param {string} word */
 const answerText = (word) => ANSWERS[word] ?? `It is measurement ${word.slice(3)}`;
 
-/** @param {import("./events.js").Asked} asked @param {import("./events.js").ReadingAsked | null} reading that of another measurement at the posture, perhaps */
+/**
+ * @param {import("./events.js").Asked} asked
+ * @param {import("./events.js").ReadingAsked | null} reading that of another measurement at the posture, perhaps
+ */
 function title(asked, reading) {
   const { shot, instrument, reflector } = reading ?? asked;
   const target = shot === asked.shot && asked.target && asked.target !== reflector;
-  const parts = [`measurement ${shot}`, ...(asked.again === null ? [] : [`posture ${asked.again} again`]), ...(target ? [`target ${asked.target}`] : []), ...(instrument ? [`instrument ${instrument}`] : []), ...(reflector ? [`reflector ${reflector}`] : [])];
+  const parts = [`measurement ${shot}`, ...(asked.again === null ? [] : [`posture ${asked.again} again`]),
+    ...(target ? [`target ${asked.target}`] : []), ...(instrument ? [`instrument ${instrument}`] : []),
+    ...(reflector ? [`reflector ${reflector}`] : [])];
   return `Posture ${asked.done + 1} of ${Math.max(asked.postures, asked.done + 1)}: ${parts.join(", ")}`;
 }
 
-/** The numbers of a reading; null where it is not so many, or could be misread. @param {import("./events.js").Entered} read @param {string} text */
+/**
+ * The numbers of a reading; null where it is not so many, or could be misread.
+ * @param {import("./events.js").Entered} read @param {string} text
+ */
 function numbersOf(read, text) {
   const numbers = read.numbers === 1 ? [parsed(text)] : parsedList(text);
   return numbers?.length === read.numbers && !numbers.includes(null) ? numbers : null;
 }
 
-/** @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null, doubt: import("./events.js").Doubt | null, live?: boolean}} props `reading`: what is read, once the joints are taken; `live`: the joints are read from the controller */
+/**
+ * @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null,
+ *   doubt: import("./events.js").Doubt | null, live?: boolean}} props `reading`: what is read, once the joints are
+ *   taken; `live`: the joints are read from the controller
+ */
 export function Hand({ asked, reading, doubt, live = false }) {
-  const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null)), first = useRef(/** @type {HTMLInputElement | null} */ (null));
+  const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null));
+  const first = useRef(/** @type {HTMLInputElement | null} */ (null));
   const text = useSignal(""), texts = useSignal(/** @type {Record<string, string>} */ ({})), problem = useSignal("");
-  const heading = title(asked, reading), reads = live && reading === null ? [] : (reading ?? asked).reads, focus = () => (reading === null ? field : first).current?.focus();
+  const heading = title(asked, reading), reads = live && reading === null ? [] : (reading ?? asked).reads;
+  const focus = () => (reading === null ? field : first).current?.focus();
   useEffect(() => {
     text.value = problem.value = "";
     texts.value = {};
@@ -47,40 +63,63 @@ export function Hand({ asked, reading, doubt, live = false }) {
     const before = run.value;
     setTimeout(() => {
       const now = run.value;
-      if (text.value && now.asked === before.asked && now.doubt === before.doubt && now.reading === before.reading && now.recorded.length === before.recorded.length) problem.value = "The values of some joints are still missing: paste the others, too.";
+      if (text.value && now.asked === before.asked && now.doubt === before.doubt && now.reading === before.reading
+        && now.recorded.length === before.recorded.length) {
+        problem.value = "The values of some joints are still missing: paste the others, too.";
+      }
     }, PATIENCE_MS);
   };
   const record = () => {
     const typed = reads.filter((read) => texts.value[read.key]?.trim());
-    const wrong = (reading !== null || typed.length ? reads : []).find((read) => numbersOf(read, texts.value[read.key] ?? "") === null);
-    problem.value = wrong ? `${capital(wrong.words)}: ${wrong.numbers === 1 ? `allowed is ${ALLOWED}` : `allowed are ${wrong.numbers} numbers such as 1234.5 or 1234,5, with spaces between them`}.` : "";
+    const wrong = (reading !== null || typed.length ? reads : []).find((read) =>
+      numbersOf(read, texts.value[read.key] ?? "") === null);
+    const several = `allowed are ${wrong?.numbers} numbers such as 1234.5 or 1234,5, with spaces between them`;
+    const allowed = wrong?.numbers === 1 ? `allowed is ${ALLOWED}` : several;
+    problem.value = wrong ? `${capital(wrong.words)}: ${allowed}.` : "";
     if (wrong) return;
     const numbers = typed.flatMap((read) => numbersOf(read, texts.value[read.key])).join(" ");
     send(reading !== null ? numbers : text.value.trim() && numbers ? `${text.value.trim()} | ${numbers}` : text.value);
   };
-  const enter = (/** @type {KeyboardEvent} */ event) => { if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); record(); } };
-  const words = problem.value || (doubt === null ? "" : doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`);
+  const enter = (/** @type {KeyboardEvent} */ event) => {
+    if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); record(); }
+  };
+  const words = problem.value
+    || (doubt === null ? "" : doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`);
   return html`
-    <form class="hand" aria-label="The next posture" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); record(); }}>
+    <form class="hand" aria-label="The next posture"
+      onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); record(); }}>
       <h2 class="asked-title">${heading}</h2>
       ${reading === null ? html`
         <ul class="asked" aria-label="Joints as planned, in the pendant’s counting">
-          ${asked.pendant.map((joint) => html`<li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}<small>${unitSign(joint.unit)}</small></li>`)}
+          ${asked.pendant.map((joint) => html`
+            <li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}
+            <small>${unitSign(joint.unit)}</small></li>`)}
         </ul>
-        ${live ? html`<p>Move the arm there, ${asked.act}, let it rest, and record: its joints are read.</p>` : html`<label class="label" for="hand-line">Move the arm there, ${asked.act}, and paste the joint values that the pendant shows.</label>
-        <textarea id="hand-line" ref=${field} rows="2" value=${text.value} autocomplete="off" autocapitalize="off" spellcheck=${false} aria-invalid=${Boolean(words)} aria-describedby="hand-doubt"
-          onInput=${(/** @type {any} */ event) => { text.value = event.target.value; problem.value = ""; }} onKeyDown=${enter}></textarea>`}`
+        ${live ? html`<p>Move the arm there, ${asked.act}, let it rest, and record: its joints are read.</p>`
+          : html`
+            <label class="label" for="hand-line">Move the arm there, ${asked.act}, and paste the joint values that the
+              pendant shows.</label>
+        <textarea id="hand-line" ref=${field} rows="2" value=${text.value} autocomplete="off" autocapitalize="off"
+          spellcheck=${false} aria-invalid=${Boolean(words)} aria-describedby="hand-doubt"
+          onInput=${heard((line) => { text.value = line; problem.value = ""; })} onKeyDown=${enter}></textarea>`}`
       : html`<p>The joint values are taken. Enter what the instrument reads there.</p>`}
       ${reads.map((read, i) => html`
         <label class="text" key=${read.key}><span class="label">${capital(read.words)}</span>
-          <input type="text" ref=${i === 0 ? first : null} inputmode=${read.numbers === 1 ? "decimal" : "text"} value=${texts.value[read.key] ?? ""} autocomplete="off" spellcheck=${false} aria-describedby="hand-doubt"
-            onInput=${(/** @type {any} */ event) => { texts.value = { ...texts.value, [read.key]: event.target.value }; problem.value = ""; }} onKeyDown=${enter} /></label>`)}
+          <input type="text" ref=${i === 0 ? first : null} inputmode=${read.numbers === 1 ? "decimal" : "text"}
+            value=${texts.value[read.key] ?? ""} autocomplete="off" spellcheck=${false} aria-describedby="hand-doubt"
+            onInput=${heard((line) => { texts.value = { ...texts.value, [read.key]: line }; problem.value = ""; })}
+              onKeyDown=${enter} /></label>`)}
       <div id="hand-doubt" role="alert">${words && html`<p class="error">${words}</p>`}
-        ${doubt !== null && doubt.answers.length > 0 && html`<div class="bar">${doubt.answers.map((word) => html`<button type="button" key=${word} onClick=${() => send(word)}>${answerText(word)}</button>`)}</div>`}
+        ${doubt !== null && doubt.answers.length > 0 && html`
+          <div class="bar">
+            ${doubt.answers.map((word) => html`
+              <button type="button" key=${word} onClick=${() => send(word)}>${answerText(word)}</button>`)}</div>`}
       </div>
       <p class="bar">
         <button class="main">Record</button>
-        ${[["skip", "Skip this posture"], ["redo", "Repeat the last"], ["pause", "Go on later"]].map(([word, label]) => html`<button type="button" key=${word} onClick=${() => send(word)}>${label}</button>`)}
+        ${[["skip", "Skip this posture"], ["redo", "Repeat the last"],
+          ["pause", "Go on later"]].map(([word, label]) => html`
+          <button type="button" key=${word} onClick=${() => send(word)}>${label}</button>`)}
       </p>
     </form>`;
 }

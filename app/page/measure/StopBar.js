@@ -21,7 +21,9 @@ export function StopBar() {
   const text = stopping.value || (seen.file ? `${seen.recorded.length} of ${seen.postures} recorded` : "A run begins");
   return html`
     <div class="stop-bar" role="region" aria-label="Run under way">
-      <p>${!stopping.value && seen.file && html`<a href=${toJob(calibrationOf(file), "measure", file)}>Run ${file}</a>: `}${text}</p>
-      <button type="button" class="stop" aria-keyshortcuts="Escape" disabled=${stopping.value !== ""} onClick=${stop}>Stop</button>
+      <p>${!stopping.value && seen.file && html`
+        <a href=${toJob(calibrationOf(file), "measure", file)}>Run ${file}</a>: `}${text}</p>
+      <button type="button" class="stop" aria-keyshortcuts="Escape" disabled=${stopping.value !== ""}
+        onClick=${stop}>Stop</button>
     </div>`;
 }

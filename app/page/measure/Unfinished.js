@@ -4,13 +4,15 @@ import { useSignal } from "@preact/signals";
 import { calibrationOf, go, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
 import { start, unfinished } from "./running.js";
+import { into, value as heard } from "../parts/heard.js";
 
 /** @param {{one: import("./running.js").Unfinished}} props */
 function Item({ one }) {
   const password = useSignal(""), address = useSignal(""), busy = useSignal(false), resume = one.resume;
   // The folder may come from anybody: where the controller is has to be typed again, and the other options are shown.
   const { controller } = one, abb = controller === "abb", where = address.value.trim();
-  const options = (resume ?? []).filter((word) => word.startsWith("--") && !/^--(resume$|out=|rig=)/.test(word)).join(" ");
+  const options = (resume ?? []).filter((word) => word.startsWith("--") && !/^--(resume$|out=|rig=)/.test(word))
+    .join(" ");
   const facts = [
     one.recorded && `${one.recorded.length}${one.postures ? ` of ${one.postures}` : ""} recorded.`,
     one.torn && "The last line is torn and will be left out.", one.why_not,
@@ -19,7 +21,9 @@ function Item({ one }) {
     if (!resume) return;
     busy.value = true;
     attempt(async () => {
-      await start(controller ? [...resume.slice(0, -1), `${abb ? "--host" : "--rig"}=${where}`, ...resume.slice(-1)] : resume, password.value);
+      await start(controller ? [...resume.slice(0, -1), `${abb ? "--host" : "--rig"}=${where}`, ...resume.slice(-1)]
+        : resume,
+        password.value);
       go(toJob(calibrationOf(one.file), "measure", one.file), { replace: true, sure: true });
     }).finally(() => { busy.value = false; });
   };
@@ -27,16 +31,32 @@ function Item({ one }) {
     <li><p>${one.file} <small class="muted">${facts}</small></p>
       ${controller && options && html`<p class="muted">Resumes with the options that the folder has: ${options}</p>`}
       ${resume && html`<div class="bar">
-        ${abb && html`<input type="password" autocomplete="off" class="grow" aria-label=${`Password of the controller, for ${one.file}`} placeholder="Password" value=${password.value} onInput=${(/** @type {any} */ event) => { password.value = event.target.value; }} />`}
-        ${controller && html`<input type="text" autocomplete="off" spellcheck=${false} class="grow" aria-label=${`Address of the controller, for ${one.file}`} placeholder=${abb ? "HOST" : `${controller}://HOST`} value=${address.value} onInput=${(/** @type {any} */ event) => { address.value = event.target.value; }} />`}
-        <button type="button" aria-label=${`Resume ${one.file}`} disabled=${busy.value || Boolean(controller && !(abb ? where : where.includes("://")))} onClick=${again}>Resume</button>
+        ${abb && html`
+          <input type="password" autocomplete="off" class="grow"
+            aria-label=${`Password of the controller, for ${one.file}`} placeholder="Password" value=${password.value}
+            onInput=${heard(into(password))} />`}
+        ${controller && html`
+          <input type="text" autocomplete="off" spellcheck=${false} class="grow"
+            aria-label=${`Address of the controller, for ${one.file}`}
+            placeholder=${abb ? "HOST" : `${controller}://HOST`} value=${address.value}
+            onInput=${heard(into(address))} />`}
+        <button type="button" aria-label=${`Resume ${one.file}`}
+          disabled=${busy.value || Boolean(controller && !(abb ? where : where.includes("://")))}
+          onClick=${again}>Resume</button>
       </div>`}
     </li>`;
 }
 
 export function Unfinished() {
-  const { name } = route.value, own = unfinished.value.filter((one) => calibrationOf(one.file) === name), others = unfinished.value.filter((one) => calibrationOf(one.file) !== name);
+  const { name } = route.value, own = unfinished.value.filter((one) => calibrationOf(one.file) === name);
+  const others = unfinished.value.filter((one) => calibrationOf(one.file) !== name);
   return html`
-    ${own.length > 0 && html`<h2>Runs that have not reached their end</h2><ul class="unfinished">${own.map((one) => html`<${Item} key=${one.file} one=${one} />`)}</ul>`}
-    ${others.length > 0 && html`<p class="muted elsewhere">Runs of other calibrations that have not reached their end: ${others.map((one, i) => html`${i > 0 && ", "}<a key=${one.file} href=${toJob(calibrationOf(one.file), "measure", one.file)}>${one.file}</a>`)}</p>`}`;
+    ${own.length > 0 && html`
+      <h2>Runs that have not reached their end</h2>
+      <ul class="unfinished">${own.map((one) => html`<${Item} key=${one.file} one=${one} />`)}</ul>`}
+    ${others.length > 0 && html`
+      <p class="muted elsewhere">Runs of other calibrations that have not reached their
+        end: ${others.map((one, i) => html`
+          ${i > 0 && ", "}
+          <a key=${one.file} href=${toJob(calibrationOf(one.file), "measure", one.file)}>${one.file}</a>`)}</p>`}`;
 }

@@ -5,13 +5,17 @@ import { moved } from "../scene/turning.js";
 import { run } from "./running.js";
 
 /** @typedef {import("../scene/types.js").Scene3D} Scene3D */
+/** @typedef {import("../core/editing.js").Checked} Checked */
+/** @typedef {import("answers").DrawnArm} DrawnArm */
 /** @typedef {import("../scene/types.js").ShownPosture} ShownPosture */
 
 const MOVING_MS = 90; // an arm that is sent elsewhere is seen going there
 const NEAR = 0.05; // degrees or mm
 
-/** The plan of the run, checked. @type {import("@preact/signals").Signal<{of: string, robot: any, checked: any} | null>} */
-export const planned = signal(null);
+/** The plan of the run, checked. */
+export const planned = signal(/** @type {{of: string, robot: DrawnArm, checked: Checked} | null} */ (null));
+/** What can carry a plan out. */
+export const offered = signal(/** @type {{of: string, runs: import("answers").OfferedRun} | null} */ (null));
 let wanted = "";
 
 /** What the pictures need of a plan. @param {string} file @param {string | null} version of the file */
@@ -22,7 +26,9 @@ export async function preparePlan(file, version) {
   planned.value = null;
   try {
     const found = await getFile("plan", file);
-    const checked = await post("/api/check", { plan: found.plan, file: found.file, scene: true, links: true });
+    if (wanted === now) offered.value = { of: file, runs: found.runs };
+    const asked = { plan: found.plan, file: found.file, scene: true, links: true };
+    const checked = /** @type {Checked} */ (await post("/api/check", asked));
     if (wanted === now) planned.value = { of: file, robot: found.robot, checked };
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // the run goes on without a picture
@@ -30,13 +36,16 @@ export async function preparePlan(file, version) {
 }
 
 /** The unit of each offset. */
-export const units = computed(() => Object.fromEntries((planned.value?.checked.parameters ?? []).map((/** @type {any} */ row) => [row.name, row.unit])));
+export const units = computed(() =>
+  Object.fromEntries((planned.value?.checked.parameters ?? []).map((row) => [row.name, row.unit])));
 
 /** @type {import("@preact/signals").ReadonlySignal<ShownPosture[]>} */
-const postures = computed(() => (planned.value?.checked.scene ?? []).map((/** @type {any} */ posture, /** @type {number} */ i) => ({ ...posture, name: `measurement ${i}`, beam: null, joints: posture.joints_deg })));
+const postures = computed(() =>
+  /** @type {ShownPosture[]} */ (/** @type {unknown} */ ((planned.value?.checked.scene ?? [])
+  .map((posture, i) => ({ ...posture, name: `measurement ${i}`, beam: null, joints: posture.joints_deg })))));
 
-/** Where the arm is drawn now, on its way to where it was sent. @type {import("@preact/signals").Signal<number[] | null>} */
-const joints = signal(null);
+/** Where the arm is drawn now, on its way to where it was sent. */
+const joints = signal(/** @type {number[] | null} */ (null));
 let moving = 0;
 effect(() => {
   const sent = run.value.arm;
@@ -53,7 +62,8 @@ function move(before) {
     moving = 0;
     const to = run.peek().arm?.joints_deg, at = joints.peek();
     if (!to || !at || at.length !== to.length) return;
-    const share = 1 - Math.exp(-(now - before) / MOVING_MS), near = Math.max(...to.map((v, i) => Math.abs(v - at[i]))) < NEAR;
+    const share = 1 - Math.exp(-(now - before) / MOVING_MS);
+    const near = Math.max(...to.map((v, i) => Math.abs(v - at[i]))) < NEAR;
     joints.value = near ? to : to.map((v, i) => at[i] + share * (v - at[i]));
     if (!near) move(now);
   });
@@ -63,11 +73,15 @@ function move(before) {
 const arm = computed(() => {
   const sent = run.value.arm, plan = planned.value, now = joints.value;
   if (!sent || !plan || !now) return null;
-  const start = postures.value[0], kinds = plan.robot.joints.map((/** @type {any} */ joint) => joint.kind);
+  const start = postures.value[0], kinds = plan.robot.joints.map((joint) => joint.kind);
   /** @type {ShownPosture} */
-  const shown = start?.axes && start.joints ? moved({ ...start, tool: null }, now.map((v, i) => v - /** @type {number[]} */ (start.joints)[i]), kinds) : { name: "", skeleton: sent.arm };
+  const shown = start?.axes && start.joints
+    ? moved({ ...start, tool: null }, now.map((v, i) => v - /** @type {number[]} */ (start.joints)[i]), kinds)
+    : { name: "", skeleton: sent.arm };
   const there = now === sent.joints_deg;
-  return { ...shown, name: `measurement ${sent.shot}`, skeleton: there ? sent.arm : shown.skeleton, tool: there ? sent.beam[0] : null, beam: there && sent.lit && sent.beam.length > 1 ? sent.beam : null, joints: now, reaches: true, violations: [] };
+  return { ...shown, name: `measurement ${sent.shot}`, skeleton: there ? sent.arm : shown.skeleton,
+    tool: there ? sent.beam[0] : null, beam: there && sent.lit && sent.beam.length > 1 ? sent.beam : null, joints: now,
+    reaches: true, violations: [] };
 });
 
 /** @type {import("@preact/signals").ReadonlySignal<{scene: Scene3D, chosen: number | null} | null>} */
@@ -75,5 +89,7 @@ export const picture = computed(() => {
   const plan = planned.value;
   if (!plan) return null;
   const now = arm.value, list = now ? [...postures.value, now] : postures.value;
-  return { scene: { of: `run ${plan.of}`, reach: plan.robot.reach_mm, arm: plan.robot, postures: list, marks: plan.checked.marks }, chosen: now ? list.length - 1 : null };
+  const scene = { of: `run ${plan.of}`, reach: plan.robot.reach_mm, arm: plan.robot, postures: list,
+    marks: plan.checked.marks };
+  return { scene: /** @type {Scene3D} */ (/** @type {unknown} */ (scene)), chosen: now ? list.length - 1 : null };
 });

@@ -1,4 +1,5 @@
-// The run under way, wherever on the page its reader is: begun, followed, answered, stopped, and found again after a reload.
+// The run under way, wherever on the page its reader is: begun, followed, answered, stopped, and found again after a
+// reload.
 import { computed, signal } from "@preact/signals";
 import { get, getFile, Refused } from "../core/api.js";
 import { begin, follow, outOf, over } from "../core/jobs.js";
@@ -9,27 +10,25 @@ import { begun, heard } from "./events.js";
 
 /** @typedef {import("../core/jobs.js").JobState} JobState */
 /** @typedef {import("./events.js").RunSeen} RunSeen */
-/** @typedef {{file: string, plan: string | null, postures: number | null, recorded: number[], ended: boolean | null, torn: boolean, resume: string[] | null, controller: string | null, why_not: string | null}} Unfinished */
+/** @typedef {import("answers").RecordedRun} Unfinished */
 
-/** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
-export const job = signal(null);
+export const job = signal(/** @type {import("../core/jobs.js").Followed | null} */ (null));
 export const run = signal(begun());
-/** u after the measurements of earlier sessions, from the run file. @type {import("@preact/signals").Signal<import("./events.js").CoursePoint[]>} */
-export const earlier = signal([]);
+/** u after the measurements of earlier sessions, from the run file. */
+export const earlier = signal(/** @type {import("./events.js").CoursePoint[]} */ ([]));
 /** That it is being stopped, or that this failed. */
 export const stopping = signal("");
 /** That the run file was read once more after its end: what it keeps is certain. */
 export const settled = signal(false);
-/** @type {import("@preact/signals").Signal<Unfinished[]>} */
-export const unfinished = signal([]);
+export const unfinished = signal(/** @type {Unfinished[]} */ ([]));
 /** Something under way that the page does not follow yet: at its begin. */
 export const missing = signal("");
 
 export const state = computed(() => job.value?.state.value ?? null);
 export const underWay = computed(() => state.value !== null && !over(state.value));
 
-/** The command as it was begun, until the server says it. @type {import("@preact/signals").Signal<string[]>} */
-const sent = signal([]);
+/** The command as it was begun, until the server says it. */
+const sent = signal(/** @type {string[]} */ ([]));
 /** The words of what is followed; the last is the plan. */
 export const command = computed(() => (state.value?.command.length ? state.value.command : sent.value));
 /** The run file that is followed. */
@@ -41,7 +40,7 @@ export const here = computed(() => followedFile.value !== "" && calibrationOf(fo
 let painting = 0;
 /** @type {RunSeen} */
 let newest = begun();
-/** Events come faster than anybody sees: one change a frame. @param {any} event */
+/** Events come faster than anybody sees: one change a frame. @param {import("./events.js").RunEvent} event */
 function hear(event) {
   newest = heard(newest, event);
   if (painting) return;
@@ -81,7 +80,8 @@ async function ended(followed, last) {
     if (!newest.end && file && newest.file) {
       try {
         const found = await getFile("run", file);
-        newest = { ...newest, recorded: found.recorded, course: found.course, tolerances: found.tolerance, residuals: found.residuals };
+        newest = { ...newest, recorded: found.recorded, course: found.course, tolerances: found.tolerance,
+          residuals: found.residuals };
       } catch (error) {
         if (!(error instanceof Refused)) throw error; // then the events have to do
       }
@@ -102,7 +102,9 @@ export async function fetchEarlier() {
     const found = await getFile("run", file);
     if (job.value !== of) return;
     earlier.value = found.course;
-    if (!newest.course.length) run.value = newest = { ...newest, tolerances: found.tolerance, residuals: found.residuals };
+    if (!newest.course.length) {
+      run.value = newest = { ...newest, tolerances: found.tolerance, residuals: found.residuals };
+    }
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // then the curve begins with the next measurement
   }
@@ -134,8 +136,8 @@ export async function listUnfinished() {
   const own = (listing += 1); // the last that was asked for is shown
   const [open, jobs] = await Promise.all([get("/api/unfinished"), get("/api/jobs")]);
   if (own !== listing) return;
-  const busy = jobs.filter((/** @type {JobState} */ one) => !over(one)).flatMap((/** @type {JobState} */ one) => one.command);
-  unfinished.value = open.filter((/** @type {Unfinished} */ one) => !busy.includes(`--out=${one.file}`));
+  const busy = jobs.filter((one) => !over(one)).flatMap((one) => one.command);
+  unfinished.value = open.filter((one) => !busy.includes(`--out=${one.file}`));
 }
 
 let looked = false;
@@ -143,44 +145,72 @@ let looked = false;
 export async function findRunning() {
   if (looked) return;
   looked = true;
-  const jobs = await get("/api/jobs"), last = jobs.find((/** @type {JobState} */ one) => one.command[0] === "run");
+  const jobs = await get("/api/jobs"), last = jobs.find((one) => one.command[0] === "run");
   if (last && !over(last) && !job.value) attach(follow(last.id, hear));
   await listUnfinished();
 }
 
 // ── in words ──────────────────────────────────────────────────────────────────────────────────
 
-/** Where the run is. @param {JobState} at @param {RunSeen} seen @param {boolean} sure whether the file was read after the end */
+const LOST = "The connection to the server is lost. The run goes on as long as the server does; this page tries again. "
+  + "Where the app was started anew, open the address that it prints.";
+
+/**
+ * Where the run is.
+ * @param {JobState} at @param {RunSeen} seen @param {boolean} sure whether the file was read after the end
+ */
 export function now(at, seen, sure) {
-  if (at.lost && !over(at)) return "The connection to the server is lost. The run goes on as long as the server does; this page tries again. Where the app was started anew, open the address that it prints.";
-  const kept = `${counted(seen.recorded.length, "measurement")} ${seen.recorded.length === 1 ? "is" : "are"} kept in ${seen.file}.`;
+  if (at.lost && !over(at)) return LOST;
+  const are = seen.recorded.length === 1 ? "is" : "are";
+  const kept = `${counted(seen.recorded.length, "measurement")} ${are} kept in ${seen.file}.`;
   if (seen.end) return kept;
-  if (at.state === "stopped") return seen.file ? `Stopped.${sure ? ` ${kept}` : ""}` : "Stopped before anything was recorded.";
+  if (at.state === "stopped") {
+    return seen.file ? `Stopped.${sure ? ` ${kept}` : ""}` : "Stopped before anything was recorded.";
+  }
   if (at.state === "failed") return `The run ended with an error.${seen.file && sure ? ` ${kept}` : ""}`;
   if (at.state === "done") return kept;
   if (seen.confirm && at.asks === "confirm") return "Waiting for your confirmation: nothing has moved yet.";
   if (seen.shot === null) return "The run begins.";
-  const count = seen.recorded.length + seen.refused.length + 1, of = count > seen.postures ? `${count}` : `${count} of ${seen.postures}`;
-  return `Measurement ${seen.shot} (${of})${seen.attempt > 1 ? `, attempt ${seen.attempt}` : ""}${seen.phase ? `: ${seen.phase}` : ""}`;
+  const count = seen.recorded.length + seen.refused.length + 1;
+  const of = count > seen.postures ? `${count}` : `${count} of ${seen.postures}`;
+  const again = seen.attempt > 1 ? `, attempt ${seen.attempt}` : "";
+  return `Measurement ${seen.shot} (${of})${again}${seen.phase ? `: ${seen.phase}` : ""}`;
 }
 
 // A run that has not advanced for long takes longer, one with a tolerance may need fewer measurements.
-const leftHow = (/** @type {boolean} */ atLeast, /** @type {boolean} */ mayEndSooner) => (atLeast === mayEndSooner ? "about" : atLeast ? "at least" : "at most");
+const leftHow = (/** @type {boolean} */ atLeast, /** @type {boolean} */ mayEndSooner) =>
+  (atLeast === mayEndSooner ? "about" : atLeast ? "at least" : "at most");
 
-/** How much is done, and how long the rest takes. @param {Pick<JobState, "state" | "left_s" | "left_at_least">} at @param {Pick<RunSeen, "recorded" | "refused" | "postures" | "rig" | "tolerance">} seen */
+/**
+ * How much is done, and how long the rest takes.
+ * @param {Pick<JobState, "state" | "left_s" | "left_at_least">} at
+ * @param {Pick<RunSeen, "recorded" | "refused" | "postures" | "rig" | "tolerance">} seen
+ */
 export function progress(at, seen) {
-  const parts = [`${counted(seen.recorded.length, "measurement")} recorded${seen.refused.length ? `, ${seen.refused.length} refused` : ""}${seen.postures ? `, of ${seen.postures} planned` : ""}`];
-  if (at.state === "running" && at.left_s !== null && at.left_s !== undefined && seen.rig !== "manual" && seen.rig !== "live") parts.push(`${leftHow(at.left_at_least, seen.tolerance !== null)} ${duration(at.left_s)} left`);
+  const refused = seen.refused.length ? `, ${seen.refused.length} refused` : "";
+  const planned = seen.postures ? `, of ${seen.postures} planned` : "";
+  const parts = [`${counted(seen.recorded.length, "measurement")} recorded${refused}${planned}`];
+  if (at.state === "running" && at.left_s !== null && at.left_s !== undefined && seen.rig !== "manual"
+    && seen.rig !== "live") {
+    parts.push(`${leftHow(at.left_at_least, seen.tolerance !== null)} ${duration(at.left_s)} left`);
+  }
   return `${parts.join("; ")}.`;
 }
 
 /** What looks wrong. @param {JobState} at @param {RunSeen} seen */
 export function remarks(at, seen) {
   const list = [];
-  if (!seen.consistent && !seen.end) list.push("The measurements contradict the model or each other: no estimate or uncertainty can be relied on.");
-  if (seen.suspect) list.push(`Measurement ${seen.suspect.shot} contradicts the others: its residual at their fit is ${seen.suspect.residual_mm.toFixed(3)} mm.`);
+  if (!seen.consistent && !seen.end) {
+    list.push("The measurements contradict the model or each other: no estimate or uncertainty can be relied on.");
+  }
+  if (seen.suspect) {
+    const { shot, residual_mm } = seen.suspect;
+    list.push(`Measurement ${shot} contradicts the others: its residual at their fit is ${residual_mm.toFixed(3)} mm.`);
+  }
   if (seen.stopped && seen.stopped !== "interrupted") list.push(seen.stopped);
   else if (seen.trouble && !seen.end) list.push(seen.trouble);
-  if (at.state === "failed") list.push(...at.log.filter((line) => line.startsWith("error: ")).map((line) => line.slice(7)));
+  if (at.state === "failed") {
+    list.push(...at.log.filter((line) => line.startsWith("error: ")).map((line) => line.slice(7)));
+  }
   return seen.end ? [...list, ...seen.end.notes] : list;
 }

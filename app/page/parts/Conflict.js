@@ -7,23 +7,38 @@ import { go, route, toJob } from "../core/route.js";
 import { freeName } from "../core/store.js";
 import { Dialog } from "./Dialog.js";
 import { DownloadDraft } from "./DownloadDraft.js";
+import { Table } from "./Table.js";
 
 const MOST = 30; // differences that are shown
 
-/** The values at which two contents differ, by their key. @param {any} mine @param {any} theirs @param {string} [key] @returns {[string, string, string][]} */
+/**
+ * The values at which two contents differ, by their key.
+ * @param {unknown} mine @param {unknown} theirs @param {string} [key] @returns {[string, string, string][]}
+ */
 function differences(mine, theirs, key = "") {
   if (JSON.stringify(mine) === JSON.stringify(theirs)) return [];
-  const inner = (/** @type {any} */ value) => value !== null && typeof value === "object";
-  if (!inner(mine) || !inner(theirs)) return [[key, short(mine), short(theirs)]];
+  if (!isPart(mine) || !isPart(theirs)) return [[key, short(mine), short(theirs)]];
   const keys = [...new Set([...Object.keys(mine), ...Object.keys(theirs)])];
   return keys.flatMap((one) => differences(mine[one], theirs[one], key ? `${key} / ${one}` : one));
 }
-/** A plan with its joints by the pendant's names, as the pendant counts them. @param {any} content @param {import("../core/counting.js").CountedArm} body */
+/** @param {unknown} value @returns {value is Record<string, unknown>} */
+const isPart = (value) => value !== null && typeof value === "object";
+/**
+ * A plan with its joints by the pendant's names, as the pendant counts them.
+ * @param {import("../core/editing.js").PlanContent} content @param {import("../core/counting.js").CountedArm} body
+ */
 function named(content, body) {
-  const joints = (/** @type {number[]} */ values) => Object.fromEntries(counted(body, values).map((value, i) => [body.pendant.names[i] ?? `J${i + 1}`, Number(value.toFixed(6))]));
-  return { ...content, postures_deg: content.postures_deg.map((/** @type {any} */ one) => (Array.isArray(one) ? joints(one) : { ...one, joints_deg: joints(one.joints_deg) })) };
+  const joints = (/** @type {number[]} */ values) =>
+    Object.fromEntries(counted(body, values)
+      .map((value, i) => [body.pendant.names[i] ?? `J${i + 1}`, Number(value.toFixed(6))]));
+  return { ...content,
+    postures_deg: content.postures_deg.map((one) =>
+      (Array.isArray(one) ? joints(one) : { ...one, joints_deg: joints(one.joints_deg) })) };
 }
-const short = (/** @type {unknown} */ value) => { const text = value === undefined ? "—" : JSON.stringify(value); return text.length > 60 ? `${text.slice(0, 57)}…` : text; };
+const short = (/** @type {unknown} */ value) => {
+  const text = value === undefined ? "—" : JSON.stringify(value);
+  return text.length > 60 ? `${text.slice(0, 57)}…` : text;
+};
 
 export function Conflict() {
   const theirs = conflict.value, busy = useSignal(false);
@@ -31,23 +46,39 @@ export function Conflict() {
   const broken = theirs !== "gone" && theirs.content === null;
   const content = theirs === "gone" ? null : theirs.content, mine = plan.value, body = arm.value;
   const other = content !== null && JSON.stringify(content.robot) !== JSON.stringify(mine?.robot);
-  const rows = content === null ? [] : body === null || other ? differences(mine, content) : differences(named(mine, body), named(content, body));
-  const during = (/** @type {() => unknown} */ work) => async () => { busy.value = true; await work(); busy.value = false; };
+  const asNamed = body !== null && !other && mine !== null;
+  const rows = content === null ? [] : asNamed ? differences(named(mine, body), named(content, body))
+    : differences(mine, content);
+  const during = (/** @type {() => unknown} */ work) =>
+    async () => { busy.value = true; await work(); busy.value = false; };
   const copy = freeName(file.value.replace(/(\.ya?ml)?$/, "-mine.yaml"));
-  const saveCopy = async () => { if (await save(copy)) go(toJob(route.value.name, route.value.step, copy), { replace: true, sure: true }); };
+  const saveCopy = async () => {
+    if (await save(copy)) go(toJob(route.value.name, route.value.step, copy), { replace: true, sure: true });
+  };
   return html`
-    <${Dialog} title=${theirs === "gone" ? "The plan's file is gone" : "The plan's file was changed meanwhile"} onClose=${() => { conflict.value = null; }}>
-      <p>${theirs === "gone" ? `${file.value} was deleted or moved outside of this page. The plan is still here, and kept as a draft in this browser.` : `${file.value} was changed in another window or program since it was opened here. Nothing is written until you choose.`}</p>
+    <${Dialog} title=${theirs === "gone" ? "The plan's file is gone" : "The plan's file was changed meanwhile"}
+      onClose=${() => { conflict.value = null; }}>
+      <p>${file.value} ${theirs === "gone"
+        ? "was deleted or moved outside of this page. The plan is still here, and kept as a draft in this browser."
+        : "was changed in another window or program since it was opened here. Nothing is written until you choose."}</p>
       ${broken && html`<p class="error">The file is no plan any more, or cannot be read.</p>`}
       ${other && html`<p class="error">The file is now a plan of another robot than yours.</p>`}
       ${rows.length > 0 && html`
-        <div class="scroll" tabindex="0" role="region" aria-label="Differences"><table><thead><tr><th scope="col">value</th><th scope="col">yours</th><th scope="col">in the file</th></tr></thead>
-          <tbody>${rows.slice(0, MOST).map(([key, mine, other]) => html`<tr><th scope="row">${key}</th><td>${mine}</td><td>${other}</td></tr>`)}</tbody></table></div>
-        ${body !== null && rows.some(([key]) => key.startsWith("postures_deg")) && html`<p class="muted">${other ? "Joints are as in the files: joint 3 from link 2." : "Joints are as the pendant counts them, in degrees (mm)."}</p>`}
+        <${Table} name="Differences" heads=${["value", "yours", "in the file"]}>
+          <tbody>${rows.slice(0, MOST)
+            .map(([key, mine, other]) => html`
+              <tr><th scope="row">${key}</th><td>${mine}</td><td>${other}</td></tr>`)}</tbody><//>
+        ${body !== null && rows.some(([key]) => key.startsWith("postures_deg")) && html`
+          <p class="muted">
+            ${other ? "Joints are as in the files: joint 3 from link 2."
+              : "Joints are as the pendant counts them, in degrees (mm)."}</p>`}
         ${rows.length > MOST && html`<p class="muted">And ${rows.length - MOST} more.</p>`}`}
       <p class="bar">
-        <button type="button" disabled=${busy.value} onClick=${during(keepMine)}>${theirs === "gone" ? "Write the file again" : "Overwrite the file with mine"}</button>
-        ${theirs !== "gone" && !broken && html`<button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
+        <button type="button" disabled=${busy.value}
+          onClick=${during(keepMine)}>
+          ${theirs === "gone" ? "Write the file again" : "Overwrite the file with mine"}</button>
+        ${theirs !== "gone" && !broken && html`
+          <button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
         <button type="button" disabled=${busy.value} onClick=${during(saveCopy)}>Save mine as ${copy}</button>
         <${DownloadDraft} />
       </p>

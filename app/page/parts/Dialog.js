@@ -7,7 +7,8 @@ export function Dialog({ title, onClose, children }) {
   const element = useRef(/** @type {HTMLDialogElement | null} */ (null));
   useEffect(() => { if (!element.current?.open) element.current?.showModal(); }, []);
   return html`
-    <dialog ref=${element} aria-labelledby="dialog-title" onCancel=${(/** @type {Event} */ event) => { event.preventDefault(); onClose(); }}>
+    <dialog ref=${element} aria-labelledby="dialog-title"
+      onCancel=${(/** @type {Event} */ event) => { event.preventDefault(); onClose(); }}>
       <h2 id="dialog-title">${title}</h2>
       ${children}
     </dialog>`;

@@ -14,7 +14,10 @@ export function Form({ children, onSubmit, ...attributes }) {
   return html`<${Faults.Provider} value=${faults}><form ...${attributes} onSubmit=${onSubmit}>${children}</form><//>`;
 }
 
-/** Says to the form of a field what is wrong with it; "" for nothing. @param {string} says @returns {import("preact").RefObject<HTMLInputElement>} for the field */
+/**
+ * Says to the form of a field what is wrong with it; "" for nothing.
+ * @param {string} says @returns {import("preact").RefObject<HTMLInputElement>} for the field
+ */
 export function useFault(says) {
   const faults = useContext(Faults), field = useRef(/** @type {HTMLInputElement | null} */ (null));
   useEffect(() => {
@@ -35,5 +38,7 @@ export function Submit({ disabled = false, main = true, children }) {
     if (fold) fold.open = true;
     fault.field.current?.focus();
   };
-  return html`<button class=${main ? "main" : ""} disabled=${disabled} onClick=${check}>${children}</button>${problem.value && html`<span class="error" role="alert">${problem.value}. Nothing was begun.</span>`}`;
+  return html`
+    <button class=${main ? "main" : ""} disabled=${disabled} onClick=${check}>${children}</button>
+    ${problem.value && html`<span class="error" role="alert">${problem.value}. Nothing was begun.</span>`}`;
 }

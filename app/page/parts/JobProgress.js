@@ -5,18 +5,26 @@ import { over, well } from "../core/jobs.js";
 import { attempt } from "../core/store.js";
 import { duration } from "../core/words.js";
 
-/** @param {{job: import("../core/jobs.js").Followed, title: string, children?: unknown}} props `children`: shown once it did what was asked */
+/**
+ * @param {{job: import("../core/jobs.js").Followed, title: string, children?: unknown}} props `children`: shown once
+ *   it did what was asked
+ */
 export function JobProgress({ job, title, children = null }) {
   const now = job.state.value, done = over(now), good = well(now);
   const ending = useSignal(false);
   const cancel = () => attempt(async () => { ending.value = true; await job.cancel(); });
   const left = now.left_s === null ? "" : `, ${now.left_at_least ? "at least" : "about"} ${duration(now.left_s)} left`;
-  const said = now.gone ? "The server was started anew meanwhile and does not know this command any more." : good ? "Done." : now.state === "stopped" ? "Cancelled: nothing was written." : done ? "Refused, or failed:" : now.lost ? "The connection to the server is lost; this page tries again." : `${now.stage || "waiting"}${left}`;
+  const said = now.gone ? "The server was started anew meanwhile and does not know this command any more."
+    : good ? "Done." : now.state === "stopped" ? "Cancelled: nothing was written." : done ? "Refused, or failed:"
+    : now.lost ? "The connection to the server is lost; this page tries again." : `${now.stage || "waiting"}${left}`;
   return html`
     <div class="job" role="group" aria-label=${title}>
-      ${!done && html`<div class="bar"><progress max="1" value=${now.share} aria-label=${title}></progress><button type="button" disabled=${ending.value} onClick=${cancel}>Cancel</button></div>`}
+      ${!done && html`
+        <div class="bar"><progress max="1" value=${now.share} aria-label=${title}></progress>
+          <button type="button" disabled=${ending.value} onClick=${cancel}>Cancel</button></div>`}
       <p role="status">${said}</p>
-      ${now.log.length > 0 && !good && now.state !== "stopped" && html`<pre class="log" tabindex="0" aria-label="What the command says">${now.log.join("\n")}</pre>`}
+      ${now.log.length > 0 && !good && now.state !== "stopped" && html`
+        <pre class="log" tabindex="0" aria-label="What the command says">${now.log.join("\n")}</pre>`}
       ${good && children}
     </div>`;
 }

@@ -17,7 +17,8 @@ export function Leaving() {
     <${Dialog} title="The plan has changes that are not saved" onClose=${stay}>
       <p>${file.value}. As a draft they stay in this browser, and are there when the plan is opened again.</p>
       <p class="bar">
-        <button type="button" class="main" onClick=${async () => { if (await save()) leave(); else stay(); }}>Save</button>
+        <button type="button" class="main"
+          onClick=${async () => { if (await save()) leave(); else stay(); }}>Save</button>
         <button type="button" onClick=${leave}>Leave them as a draft</button>
         <button type="button" onClick=${() => { discard(); leave(); }}>Discard</button>
         <button type="button" onClick=${stay}>Stay</button>

@@ -8,12 +8,17 @@ import { sentence } from "../core/words.js";
 import { Submit } from "./Form.js";
 import { JobProgress } from "./JobProgress.js";
 
-/** @typedef {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, files: string[]} | null>} Made */
+/**
+ * @typedef {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, files: string[]} | null>} Made
+ */
 
 export function useWritten() {
   /** @type {Made} */
   const made = useSignal(null);
-  /** Begins what is asked for, and says which files it will write; null: nothing. @param {() => {words: string[], files: string[]} | null | Promise<{words: string[], files: string[]} | null>} ask */
+  /**
+   * Begins what is asked for, and says which files it will write; null: nothing.
+   * @param {() => {words: string[], files: string[]} | null | Promise<{words: string[], files: string[]} | null>} ask
+   */
   const onSubmit = (ask) => (/** @type {Event} */ event) => {
     event.preventDefault();
     attempt(async () => {
@@ -27,13 +32,19 @@ export function useWritten() {
   return { made, onSubmit };
 }
 
-/** The foot of such a form: what was written, and what the command says of it. @param {{made: Made, button: string, title: string, disabled?: boolean, after?: string, more?: string[]}} props */
+/**
+ * The foot of such a form: what was written, and what the command says of it.
+ * @param {{made: Made, button: string, title: string, disabled?: boolean, after?: string, more?: string[]}} props
+ */
 export function Written({ made, button, title, disabled = false, after = "", more = [] }) {
   const now = made.value;
   return html`
     <p class="bar"><${Submit} disabled=${disabled || (now !== null && !over(now.job.state.value))}>${button}<//></p>
     ${now && html`<${JobProgress} key=${now.job.id} job=${now.job} title=${title}>
-      <p>${[...now.files, ...more].map((one) => html`<a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p>
-      <ul class="lines said">${(now.job.state.value.answer?.notes ?? []).map((/** @type {string} */ note) => html`<li>${sentence(note)}</li>`)}</ul>
+      <p>${[...now.files, ...more].map((one) => html`
+        <a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p>
+      <ul class="lines said">
+        ${(now.job.state.value.answer?.notes ?? []).map((/** @type {string} */ note) => html`
+          <li>${sentence(note)}</li>`)}</ul>
       ${after && html`<p class="muted">${after}</p>`}<//>`}`;
 }

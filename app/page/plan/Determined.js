@@ -3,56 +3,80 @@ import { html } from "htm/preact";
 import { answer, pending, wrong } from "../core/editing.js";
 import { marked, named, sentence, spread } from "../core/words.js";
 import { motion, moves, play } from "./motion.js";
+import { Table } from "../parts/Table.js";
 
 const MOST_TERMS = 6;
 
-/** @param {any} row */
-const predicted = (row) => (row.held ? "held" : row.std !== null && row.status !== "unidentifiable" ? spread(row.std, row.unit) : "not determined");
-/** @param {any} row */
-const alone = (row) => (row.held || row.status === "unidentifiable" ? "—" : row.data_std === null ? "infinite" : spread(row.data_std, row.unit));
+/** @typedef {import("answers").CheckedParameter} Row */
+/** @param {Row} row */
+const predicted = (row) =>
+  (row.held ? "held" : row.std !== null && row.status !== "unidentifiable" ? spread(row.std, row.unit)
+    : "not determined");
+/** @param {Row} row */
+const alone = (row) =>
+  (row.held || row.status === "unidentifiable" ? "—" : row.data_std === null ? "infinite"
+    : spread(row.data_std, row.unit));
 
 /** @param {Record<string, number>} weights */
 function combination(weights) {
   const terms = Object.entries(weights).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]));
-  const words = terms.slice(0, MOST_TERMS).map(([name, weight], i) => `${weight < 0 ? "− " : i ? "+ " : ""}${Math.abs(weight) === 1 ? "" : `${Number(Math.abs(weight).toPrecision(2))}\u00a0`}${named(name)}`);
+  const words = terms.slice(0, MOST_TERMS).map(([name, weight], i) => {
+    const size = Math.abs(weight), factor = size === 1 ? "" : `${Number(size.toPrecision(2))}\u00a0`;
+    return `${weight < 0 ? "− " : i ? "+ " : ""}${factor}${named(name)}`;
+  });
   return words.join(" ") + (terms.length > MOST_TERMS ? ` and ${terms.length - MOST_TERMS} smaller` : "");
 }
 
-/** @param {any} direction */
+/** @param {import("answers").NullDirection} direction */
 function kind(direction) {
   if (direction.kind === "exact") return "exact null-space direction: no number of such measurements determines it";
-  if (direction.kind === "optima") return "not decided: the way from the best local optimum to another that explains the data as well";
-  if (direction.data_std === null || direction.data_std >= 1) return "not resolvable at this noise level: the prior is more precise than the data";
+  if (direction.kind === "optima") {
+    return "not decided: the way from the best local optimum to another that explains the data as well";
+  }
+  if (direction.data_std === null || direction.data_std >= 1) {
+    return "not resolvable at this noise level: the prior is more precise than the data";
+  }
   return `weakly observable: its uncertainty is ${Number(direction.data_std.toPrecision(2))} of the prior`;
 }
 
 export function Determined() {
   const found = answer.value;
-  if (wrong.value !== null && found === null) return html`<p class="error" role="alert">Not checked: ${wrong.value.text}</p>`;
+  if (wrong.value !== null && found === null) {
+    return html`<p class="error" role="alert">Not checked: ${wrong.value.text}</p>`;
+  }
   if (found === null) return html`<p class="muted" role="status">The plan is being checked.</p>`;
   const { worth, lines, over_target, outlook } = found.said, tolerated = new Set(found.said.tolerated);
-  const directions = found.identifiability.null_space.map((/** @type {any} */ one, /** @type {number} */ i) => ({ one, i }))
-    .filter((/** @type {any} */ { one }) => !Object.keys(one.combination).every((name) => tolerated.has(name)));
+  const directions = found.identifiability.null_space.map((one, i) => ({ one, i }))
+    .filter(({ one }) => !Object.keys(one.combination).every((name) => tolerated.has(name)));
   return html`
     <div class=${`determined${pending.value ? " pending" : ""}`} aria-busy=${pending.value}>
-      <div class="scroll" tabindex="0" role="region" aria-label="What this plan will determine"><table>
-        <thead><tr><th scope="col">offset</th><th scope="col" class="right">predicted u</th><th scope="col" class="right">${worth.head}</th><th scope="col">status</th><th scope="col" class="right">without prior</th><th scope="col" class="right">prior</th></tr></thead>
-        <tbody>${found.parameters.filter((/** @type {any} */ row) => !tolerated.has(row.name)).map((/** @type {any} */ row) => html`
+      <${Table} name="What this plan will determine"
+        heads=${["offset", ["predicted u", "right"], [worth.head, "right"], "status",
+        ["without prior", "right"], ["prior", "right"]]}>
+        <tbody>${found.parameters.filter((row) => !tolerated.has(row.name)).map((row) => html`
           <tr key=${row.name} class=${row.status} data-of=${row.name} title=${row.reason ? sentence(row.reason) : null}>
-            <th scope="row">${named(row.name)}</th><td class="right u">${predicted(row)}</td><td class="right">${worth.of[row.name] ?? ""}</td><td class="status">${marked(row.status)}</td><td class="right">${alone(row)}</td><td class="right">${spread(row.prior_std, row.unit)}</td>
-          </tr>`)}</tbody></table></div>
-      ${outlook.length > 0 && html`<div class="scroll" tabindex="0" role="region" aria-label=${outlook[0][0]}><table>
-        <thead><tr>${outlook[0].map((/** @type {string} */ head, /** @type {number} */ i) => html`<th scope="col" class=${i ? "right" : ""}>${head}</th>`)}</tr></thead>
-        <tbody>${outlook.slice(1).map((/** @type {string[]} */ row) => html`<tr key=${row[0]}><th scope="row">${row[0]}</th>${row.slice(1).map((cell) => html`<td class="right">${cell}</td>`)}</tr>`)}</tbody></table></div>`}
+            <th scope="row">${named(row.name)}</th><td class="right u">${predicted(row)}</td>
+            <td class="right">${worth.of[row.name] ?? ""}</td><td class="status">${marked(row.status)}</td>
+            <td class="right">${alone(row)}</td><td class="right">${spread(row.prior_std, row.unit)}</td>
+          </tr>`)}</tbody><//>
+      ${outlook.length > 0 && html`
+        <${Table} name=${outlook[0][0]} heads=${outlook[0].map((head, i) => (i ? [head, "right"] : head))}>
+        <tbody>${outlook.slice(1)
+          .map((row) => html`
+            <tr key=${row[0]}><th scope="row">${row[0]}</th>
+              ${row.slice(1).map((cell) => html`<td class="right">${cell}</td>`)}</tr>`)}</tbody><//>`}
       <ul class="lines">${[...lines, over_target].filter(Boolean).map((line) => html`<li>${line}</li>`)}</ul>
-      <ul class="notes">${[...found.notes, ...(found.warnings ?? [])].map((note) => html`<li>${sentence(note)}</li>`)}</ul>
+      <ul class="notes">
+        ${[...found.notes ?? [], ...found.warnings].map((note) => html`<li>${sentence(note)}</li>`)}</ul>
       ${directions.length > 0 && html`<h2>What cannot be determined</h2>`}
-      ${directions.map((/** @type {any} */ { one, i }) => html`
+      ${directions.map(({ one, i }) => html`
         <div class="direction" key=${i}>
           <p><b>${combination(one.combination)}</b> <span class="muted">${kind(one)}</span></p>
-          <p>Why: ${named(one.reason)}.</p>
-          <p>To do: ${named(one.remedy)}.</p>
-          ${moves(i) && html`<button type="button" aria-pressed=${motion.value?.direction === i} onClick=${() => play(i)}>Move the arm along it</button>`}
+          <p>Why: ${named(one.reason ?? "")}.</p>
+          <p>To do: ${named(one.remedy ?? "")}.</p>
+          ${moves(i) && html`
+            <button type="button" aria-pressed=${motion.value?.direction === i}
+              onClick=${() => play(i)}>Move the arm along it</button>`}
         </div>`)}
     </div>`;
 }

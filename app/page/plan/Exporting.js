@@ -11,11 +11,11 @@ import { Joint3 } from "../parts/Joint3.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { useWritten, Written } from "../parts/Written.js";
+import { into } from "../parts/heard.js";
 
-/** @typedef {{name: string, vendor: string | null, label: string, files: string[], options: string[]}} PlanForm */
+/** @typedef {import("answers").PlanForm} PlanForm */
 
-/** @type {import("@preact/signals").Signal<PlanForm[] | null>} */
-const forms = signal(null);
+const forms = signal(/** @type {PlanForm[] | null} */ (null));
 const form = ofCalibration("pdf");
 const options = ofCalibration(/** @type {Record<string, string | number | null>} */ ({}));
 
@@ -25,35 +25,53 @@ const stemOf = (name) => name.replace(/^.*\//, "").replace(/\.[^.]*$/, "");
 /** The files of a form, the first of which is called so. @param {PlanForm} one @param {string} to */
 function filesOf(one, to) {
   const folder = to.slice(0, to.lastIndexOf("/") + 1), [first, ...others] = one.files;
-  return [to, ...others.map((name) => folder + (stemOf(name) === stemOf(first) ? stemOf(to) + name.slice(name.lastIndexOf(".")) : name))];
+  return [to,
+    ...others.map((name) =>
+      folder + (stemOf(name) === stemOf(first) ? stemOf(to) + name.slice(name.lastIndexOf(".")) : name))];
 }
 
 export function Exporting() {
-  useEffect(() => { if (forms.value === null) get("/api/plan-exports").then((answer) => { forms.value = answer; }, failed); }, []);
+  useEffect(() => {
+    if (forms.value === null) get("/api/plan-exports").then((answer) => { forms.value = answer; }, failed);
+  },
+    []);
   const chosen = forms.value?.find((one) => one.name === form.value), out = useSignal("");
   const { made, onSubmit } = useWritten();
   if (!forms.value || !chosen) return null;
   const taken = chosen.options, folder = file.value.slice(0, file.value.lastIndexOf("/") + 1);
   // A controller may allow letters, digits and _ only in a program's name.
-  const proposed = chosen.name === "pdf" ? freeName(file.value.replace(/\.ya?ml$/, ".pdf")) : freeName(folder + chosen.files[0], "");
-  const set = (/** @type {Record<string, string | number | null>} */ more) => { options.value = { ...options.value, ...more }; };
+  const proposed = chosen.name === "pdf" ? freeName(file.value.replace(/\.ya?ml$/, ".pdf"))
+    : freeName(folder + chosen.files[0], "");
   const ask = async () => {
     if (unsaved.value && !(await save())) return null;
     const to = out.value.trim() || proposed;
-    const words = taken.flatMap((name) => (options.value[name] === undefined || options.value[name] === null || options.value[name] === "" ? [] : [`--${name}=${options.value[name]}`]));
+    const words = taken.flatMap((name) =>
+      (options.value[name] === undefined || options.value[name] === null || options.value[name] === "" ? []
+        : [`--${name}=${options.value[name]}`]));
     return { words: ["export", "plan", chosen.name, file.value, `--out=${to}`, ...words], files: filesOf(chosen, to) };
   };
-  const number = (/** @type {string} */ label, /** @type {string} */ name, /** @type {any} */ more = {}) => taken.includes(name) && html`<${NumberField} label=${label} optional least=${0} value=${options.value[name]} onValue=${(/** @type {number | null} */ value) => set({ [name]: value })} ...${more} />`;
+  const number = (/** @type {string} */ label, /** @type {string} */ name, more = {}) =>
+    taken.includes(name) && html`
+      <${NumberField} label=${label} optional least=${0} value=${options.value[name]} onValue=${options.at(name)}
+        ...${more} />`;
   return html`
     <${Form} onSubmit=${onSubmit(ask)}>
       <div class="fields">
-        <div class="wide"><${Choice} label="Form" value=${chosen.name} groups=${[["", forms.value.map((one) => [one.name, one.label])]]} onValue=${(/** @type {string} */ value) => { form.value = value; made.value = null; }} /></div>
-        ${number("Speed", "speed", { unit: "°/s", placeholder: "10" })}${number("Rounding, mm or %", "zone", { placeholder: "0" })}
-        ${taken.includes("tool") && html`<${TextField} label="Tool of the controller" value=${String(options.value.tool ?? "")} onValue=${(/** @type {string} */ tool) => set({ tool })} />`}
-        ${taken.includes("j3") && html`<${Joint3} value=${String(options.value.j3 ?? "")} onValue=${(/** @type {string} */ j3) => set({ j3 })} />`}
+        <div class="wide">
+          <${Choice} label="Form" value=${chosen.name} items=${forms.value.map((one) => [one.name, one.label])}
+            onValue=${(/** @type {string} */ value) => { form.value = value; made.value = null; }} /></div>
+        ${number("Speed", "speed", { unit: "°/s", placeholder: "10" })}${number("Rounding, mm or %", "zone",
+          { placeholder: "0" })}
+        ${taken.includes("tool") && html`
+          <${TextField} label="Tool of the controller" value=${String(options.value.tool ?? "")}
+            onValue=${options.at("tool")} />`}
+        ${taken.includes("j3") && html`
+          <${Joint3} value=${String(options.value.j3 ?? "")} onValue=${options.at("j3")} />`}
         ${number("First register", "register", { whole: true, placeholder: "1" })}
-        ${taken.includes("listener") && html`<${TextField} label="Joints also sent to" value=${String(options.value.listener ?? "")} placeholder="HOST:PORT" onValue=${(/** @type {string} */ listener) => set({ listener })} />`}
-        <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
+        ${taken.includes("listener") && html`
+          <${TextField} label="Joints also sent to" value=${String(options.value.listener ?? "")}
+            placeholder="HOST:PORT" onValue=${options.at("listener")} />`}
+        <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${into(out)} />
       </div>
       <${Written} made=${made} button=${unsaved.value ? "Save and export" : "Export"} title="Export of the plan" />
     <//>`;

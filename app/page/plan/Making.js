@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { getFile, put, Refused } from "../core/api.js";
 import { parsedList } from "../core/decimal.js";
 import { answer, chosen, plan } from "../core/editing.js";
-import { begin, over, well } from "../core/jobs.js";
+import { begin, underWay, well } from "../core/jobs.js";
 import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { attempt, calibration, failed, freeName, inside, ofCalibration, ofKind, refresh } from "../core/store.js";
 import { sentence } from "../core/words.js";
@@ -14,17 +14,24 @@ import { Form, Submit } from "../parts/Form.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
+import { into } from "../parts/heard.js";
+
+/** @typedef {import("../core/editing.js").PlanContent} PlanContent */
 
 const OF_PLAN = " "; // the header of the plan that is open: no file has this name
 
 /** What is asked for; null: not stated. */
 const wish = ofCalibration({
-  kind: "optimal", target: /** @type {(number | null)[]} */ ([null, null, null]), shots: /** @type {number | null} */ (null), repeat: /** @type {number | null} */ (null), tolerance: /** @type {number | null} */ (null), most: /** @type {number | null} */ (30),
-  criterion: "A", candidates: /** @type {number | null} */ (10000), facing: "0, 0, 1", acceptance: /** @type {number | null} */ (60), shortest: /** @type {number | null} */ (200), longest: /** @type {number | null} */ (2000),
+  kind: "optimal", target: /** @type {(number | null)[]} */ ([null, null, null]),
+  shots: /** @type {number | null} */ (null), repeat: /** @type {number | null} */ (null),
+  tolerance: /** @type {number | null} */ (null), most: /** @type {number | null} */ (30),
+  criterion: "A", candidates: /** @type {number | null} */ (10000), facing: "0, 0, 1",
+  acceptance: /** @type {number | null} */ (60), shortest: /** @type {number | null} */ (200),
+  longest: /** @type {number | null} */ (2000),
   margin: /** @type {number | null} */ (5), obstacles: "", seed: /** @type {number | null} */ (0),
 });
 
-/** What all measurements have in common, as a header file beside the plan states it. @param {import("../core/editing.js").PlanContent} content */
+/** What all measurements have in common, as a header file beside the plan states it. @param {PlanContent} content */
 function headerOf(content) {
   const { schema, postures_deg, constraints, targets, ...header } = content;
   const names = Object.keys(targets ?? {});
@@ -33,7 +40,7 @@ function headerOf(content) {
 
 /** The header of the plan that is open, as a file: a new one, or the same. @param {string} out */
 async function headerFile(out) {
-  const name = out.replace(/\.ya?ml$/, "-header.yaml"), header = headerOf(/** @type {any} */ (plan.value));
+  const name = out.replace(/\.ya?ml$/, "-header.yaml"), header = headerOf(/** @type {PlanContent} */ (plan.value));
   try {
     await put("/api/header", { file: name, header });
   } catch (error) {
@@ -53,29 +60,40 @@ function words(header, out, target) {
   options.push(["--repeat", now.repeat]);
   if (best) {
     if (now.tolerance !== null) options.push(["--tolerance", now.tolerance], ["--max-shots", now.most]);
-    options.push(["--criterion", now.criterion], ["--candidates", now.candidates], ["--facing", now.facing.trim() === "any" ? "any" : parsedList(now.facing)?.join(",")], ["--acceptance", now.acceptance],
-      ["--beam", now.shortest === null || now.longest === null ? null : `${now.shortest},${now.longest}`], ["--margin", now.margin], ["--obstacles", now.obstacles], ["--seed", now.seed]);
+    options.push(["--criterion", now.criterion], ["--candidates", now.candidates],
+      ["--facing", now.facing.trim() === "any" ? "any" : parsedList(now.facing)?.join(",")],
+      ["--acceptance", now.acceptance],
+      ["--beam", now.shortest === null || now.longest === null ? null : `${now.shortest},${now.longest}`],
+      ["--margin", now.margin], ["--obstacles", now.obstacles], ["--seed", now.seed]);
   }
-  return ["plan", now.kind, ...options.filter(([, value]) => value !== "" && value !== null && value !== undefined).map(([name, value]) => `${name}=${value}`)];
+  return ["plan", now.kind,
+    ...options.filter(([, value]) => value !== "" && value !== null && value !== undefined)
+      .map(([name, value]) => `${name}=${value}`)];
 }
 
 export function Making() {
-  const headers = [...(plan.value ? [[OF_PLAN, "of the plan that is open"]] : []), ...[...new Set([...(calibration.value?.files.header ?? []), ...ofKind("header")])].map((one) => [one, one])];
+  const headers = [...(plan.value ? [[OF_PLAN, "of the plan that is open"]] : []),
+    ...[...new Set([...(calibration.value?.files.header ?? []), ...ofKind("header")])].map((one) => [one, one])];
   const header = useSignal(headers[0]?.[0] ?? ""), out = useSignal("");
-  /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
-  const job = useSignal(null);
+  const job = useSignal(/** @type {import("../core/jobs.js").Followed | null} */ (null));
   const lines = useSignal(/** @type {string[]} */ ([]));
   const now = wish.value, best = now.kind === "optimal";
   const set = (/** @type {Partial<typeof wish.value>} */ more) => { wish.value = { ...wish.value, ...more }; };
   const proposed = freeName(`${inside(route.value.name)}plan.yaml`);
-  const there = answer.value?.scene?.[chosen.value ?? 0]?.target;
-  if (!headers.length) return html`<p class="muted">A plan needs a header (robot, instrument and noise). Begin with a <a href="#/new">new calibration</a>.</p>`;
+  const there = answer.value?.scene?.[chosen.value]?.target;
+  if (!headers.length) {
+    return html`
+      <p class="muted">A plan needs a header (robot, instrument and noise). Begin with
+        a <a href="#/new">new calibration</a>.</p>`;
+  }
   const make = (/** @type {Event} */ event) => {
     event.preventDefault();
     const from = route.value;
     attempt(async () => {
       lines.value = [];
-      const to = out.value.trim() || proposed, stated = now.target.every((one) => one !== null) ? /** @type {number[]} */ (now.target) : there ? there.map((/** @type {number} */ v) => Number(v.toFixed(3))) : null;
+      const to = out.value.trim() || proposed;
+      const stated = now.target.every((one) => one !== null) ? /** @type {number[]} */ (now.target)
+        : there ? there.map((/** @type {number} */ v) => Number(v.toFixed(3))) : null;
       const stating = header.value === OF_PLAN ? await headerFile(to) : header.value;
       job.value = await begin(words(stating, to, stated));
       const ended = await job.value.ended;
@@ -85,26 +103,41 @@ export function Making() {
       if (ended.answer.plan !== null) goOn(from, toJob(calibrationOf(to), "plan", to));
     }).catch(failed);
   };
-  const number = (/** @type {string} */ label, /** @type {keyof typeof wish.value} */ key, /** @type {any} */ more = {}) => html`<${NumberField} label=${label} value=${now[key]} optional onValue=${(/** @type {number | null} */ value) => set({ [key]: value })} ...${more} />`;
+  const number = (/** @type {string} */ label, /** @type {keyof typeof wish.value} */ key, more = {}) => html`
+    <${NumberField} label=${label} value=${now[key]} optional onValue=${wish.at(key)} ...${more} />`;
   return html`
     <${Form} class="making" onSubmit=${make}>
       <div class="fields">
-        <${Choice} label="Kind" value=${now.kind} groups=${[["", [["optimal", "optimal"], ["x", "X-Pattern"], ["y", "Y-Pattern"]]]]} onValue=${(/** @type {string} */ kind) => set({ kind })} />
-        <${Choice} label="Header" value=${header.value} groups=${[["", headers]]} onValue=${(/** @type {string} */ value) => { header.value = value; }} />
+        <${Choice} label="Kind" value=${now.kind}
+          items=${[["optimal", "optimal"], ["x", "X-Pattern"], ["y", "Y-Pattern"]]} onValue=${wish.at("kind")} />
+        <${Choice} label="Header" value=${header.value} items=${headers} onValue=${into(header)} />
         ${number("Measurements", "shots", { whole: true, least: 2, placeholder: "as usual" })}
         ${best && number("… or as few as reach u, °", "tolerance", { least: 0 })}
         ${number("Again at the end", "repeat", { whole: true, least: 0, placeholder: "2" })}
-        ${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" optional=${now.target.every((one) => one === null)} value=${now.target[i]} placeholder=${there ? String(Math.round(there[i])) : "the header's"} onValue=${(/** @type {number | null} */ value) => set({ target: now.target.map((one, k) => (k === i ? value : one)) })} />`)}
-        <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
+        ${["x", "y", "z"].map((axis, i) => html`
+          <${NumberField} label=${`Target ${axis}`} unit="mm" optional=${now.target.every((one) => one === null)}
+            value=${now.target[i]} placeholder=${there ? String(Math.round(there[i])) : "the header's"}
+            onValue=${(/** @type {number | null} */ value) =>
+              set({ target: now.target.map((one, k) => (k === i ? value : one)) })} />`)}
+        <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${into(out)} />
       </div>
       ${best && html`<${Fold} title="Constraints and search" kept><div class="fields">
-        <${TextField} label="Normal of the target, or any" value=${now.facing} error=${now.facing.trim() === "any" || parsedList(now.facing)?.length === 3 ? "" : "allowed: three numbers, or any"} onValue=${(/** @type {string} */ facing) => set({ facing })} />
-        ${number("Largest angle to it", "acceptance", { unit: "°" })}${number("Shortest beam", "shortest", { unit: "mm" })}${number("Longest beam", "longest", { unit: "mm" })}${number("Margin to limits", "margin", { unit: "°", least: 0 })}
-        <${Choice} label="Obstacles" value=${now.obstacles} none="none" groups=${[["", ofKind("obstacles").map((one) => [one, one])]]} onValue=${(/** @type {string} */ obstacles) => set({ obstacles })} />
-        <${Choice} label="Criterion" value=${now.criterion} groups=${[["", [["A", "A: mean variance"], ["D", "D: generalised variance"], ["E", "E: largest variance"]]]]} onValue=${(/** @type {string} */ criterion) => set({ criterion })} />
-        ${number("At most, with u", "most", { whole: true, least: 2 })}${number("Candidates", "candidates", { whole: true, least: 10 })}${number("Random seed", "seed", { whole: true, least: 0 })}
+        <${TextField} label="Normal of the target, or any" value=${now.facing}
+          error=${now.facing.trim() === "any" || parsedList(now.facing)?.length === 3 ? ""
+            : "allowed: three numbers, or any"}
+          onValue=${wish.at("facing")} />
+        ${number("Largest angle to it", "acceptance", { unit: "°" })}${number("Shortest beam", "shortest",
+          { unit: "mm" })}${number("Longest beam", "longest", { unit: "mm" })}${number("Margin to limits", "margin",
+          { unit: "°", least: 0 })}
+        <${Choice} label="Obstacles" value=${now.obstacles} none="none" items=${ofKind("obstacles")}
+          onValue=${wish.at("obstacles")} />
+        <${Choice} label="Criterion" value=${now.criterion}
+          items=${[["A", "A: mean variance"], ["D", "D: generalised variance"], ["E", "E: largest variance"]]}
+          onValue=${wish.at("criterion")} />
+        ${number("At most, with u", "most", { whole: true, least: 2 })}${number("Candidates", "candidates",
+          { whole: true, least: 10 })}${number("Random seed", "seed", { whole: true, least: 0 })}
       </div><//>`}
-      <p class="bar"><${Submit} disabled=${job.value !== null && !over(job.value.state.value)}>Make the plan<//></p>
+      <p class="bar"><${Submit} disabled=${underWay(job.value)}>Make the plan<//></p>
       ${job.value && html`<${JobProgress} job=${job.value} title="Making the plan" />`}
       <ul class="lines">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
     <//>`;

@@ -7,14 +7,15 @@ import { failed } from "../core/store.js";
 import { fixed } from "../core/words.js";
 
 /** @typedef {import("../scene/types.js").Scene3D} Scene3D */
+/** @typedef {import("../scene/types.js").FlangePose} FlangePose */
 
 /** From which on a posture is said to point beside its target. */
 export const LEAST_OFF_MM = 0.05;
 
-/** The meshes of the plan's URDF; undefined where it has none. @type {import("@preact/signals").Signal<any[] | undefined>} */
-export const meshes = signal(undefined);
-/** What is left out of them. @type {import("@preact/signals").Signal<string[]>} */
-export const meshNotes = signal([]);
+/** The meshes of the plan's URDF; undefined where it has none. */
+export const meshes = signal(/** @type {import("../scene/types.js").LinkMesh[] | undefined} */ (undefined));
+/** What is left out of them. */
+export const meshNotes = signal(/** @type {string[]} */ ([]));
 let meshesOf = "";
 effect(() => {
   const ref = plan.value?.robot, key = typeof ref === "object" ? JSON.stringify(robotFrom(ref, file.value)) : "";
@@ -25,7 +26,7 @@ effect(() => {
   if (!key) return;
   post("/api/meshes", { robot: JSON.parse(key) }).then((found) => {
     if (meshesOf !== key) return;
-    meshes.value = found.meshes;
+    meshes.value = /** @type {import("../scene/types.js").LinkMesh[]} */ (found.meshes);
     meshNotes.value = found.notes;
   }, (error) => {
     if (!(error instanceof Refused)) throw error;
@@ -33,10 +34,15 @@ effect(() => {
   });
 });
 
-/** How far the chosen posture points beside its target before the wrist is rotated onto it, in words; "" where it does not. */
+/**
+ * How far the chosen posture points beside its target before the wrist is rotated onto it, in words; "" where it does
+ * not.
+ */
 export const aside = computed(() => {
-  const i = chosen.value, posture = i === null ? null : answer.value?.postures[i];
-  return posture?.hit && posture.off_mm >= LEAST_OFF_MM ? `As stated, ${postureName(/** @type {number} */ (i))} points ${fixed(posture.off_mm, 1)} mm beside the target. The picture shows it with the wrist rotated onto the target first.` : "";
+  const posture = answer.value?.postures[chosen.value];
+  if (!posture?.hit || posture.off_mm < LEAST_OFF_MM) return "";
+  return `As stated, ${postureName(chosen.value)} points ${fixed(posture.off_mm, 1)} mm beside the target. `
+    + "The picture shows it with the wrist rotated onto the target first.";
 });
 
 /** @param {number} i */
@@ -44,7 +50,10 @@ export const postureName = (i) => `measurement ${i}`;
 
 /** As text, which is the same as long as they are. */
 const obstacles = computed(() => JSON.stringify(plan.value?.constraints?.obstacles?.boxes ?? []));
-/** The value before where the new one is the same: only what has changed is drawn anew. @template T @param {T} before @param {T} now */
+/**
+ * The value before where the new one is the same: only what has changed is drawn anew.
+ * @template T @param {T} before @param {T} now
+ */
 const kept = (before, now) => (JSON.stringify(before) === JSON.stringify(now) ? before : now);
 /** What was shown last. @type {Partial<Scene3D>} */
 let last = {};
@@ -53,15 +62,19 @@ let last = {};
 export const picture = computed(() => {
   const found = answer.value, body = arm.value;
   if (body === null || !found?.scene) return null;
-  return last = {
+  const boxes = /** @type {import("answers").Box[]} */ (JSON.parse(obstacles.value));
+  return last = /** @type {Scene3D} */ (/** @type {unknown} */ ({
     of: `plan ${file.value} ${body.name}`,
     reach: body.reach_mm,
     arm: body,
     meshes: meshes.value,
-    postures: found.scene.map((/** @type {any} */ posture, /** @type {number} */ i) => kept(last.postures?.[i], { ...posture, name: postureName(i), joints: posture.joints_deg, counted: counted(body, posture.joints_deg) })),
-    marks: kept(last.marks, found.marks),
-    boxes: kept(last.boxes, JSON.parse(obstacles.value).map((/** @type {any} */ box, /** @type {number} */ i) => ({ name: box.name, min: box.min_mm, max: box.max_mm, touched: Boolean(found.touched_boxes?.[i]) }))),
-  };
+    postures: found.scene.map((posture, i) => kept(/** @type {unknown} */ (last.postures?.[i]),
+      { ...posture, name: postureName(i), joints: posture.joints_deg, counted: counted(body, posture.joints_deg) })),
+    marks: kept(/** @type {unknown} */ (last.marks), found.marks),
+    boxes: kept(last.boxes,
+      boxes.map(({ name, min_mm, max_mm }, i) =>
+        ({ name, min: min_mm, max: max_mm, touched: found.touched_boxes[i] ?? false }))),
+  }));
 });
 
 const tenth = (/** @type {number} */ value) => Math.round(10 * value) / 10;
@@ -69,46 +82,61 @@ const tenth = (/** @type {number} */ value) => Math.round(10 * value) / 10;
 /** @param {string} name @param {number[]} at */
 export const moveTarget = (name, at) => change(`targets/${name}`, (content) => {
   content.targets ??= {};
-  content.targets[name] = { ...content.targets[name], guess_mm: at.map(tenth) };
+  content.targets[name] = { ...content.targets[name],
+    guess_mm: /** @type {[number, number, number]} */ (at.map(tenth)) };
 });
 
 /** A joint as the pendant counts it. @param {number} joint from 1 @param {number} value */
 export const setJoint = (joint, value) => {
   const i = chosen.value, body = arm.value;
-  if (i !== null && body !== null) change(`joint/${i}/${joint}`, (content) => { const joints = jointsOf(content, i); withCounted(body, joints, joint, value).forEach((v, k) => { joints[k] = Number(v.toFixed(9)); }); });
+  if (body !== null) {
+    change(`joint/${i}/${joint}`, (content) => {
+      const joints = jointsOf(content, i);
+      withCounted(body, joints, joint, value).forEach((v, k) => { joints[k] = Number(v.toFixed(9)); });
+    });
+  }
 };
 
 /** A joint between its links, what it carries with it. @param {number} joint from 1 @param {number} value */
 export const turnJoint = (joint, value) => {
   const i = chosen.value;
-  if (i !== null) change(`joint/${i}/${joint}`, (content) => { jointsOf(content, i)[joint - 1] = Number(value.toFixed(3)); });
+  change(`joint/${i}/${joint}`, (content) => { jointsOf(content, i)[joint - 1] = Number(value.toFixed(3)); });
 };
 
 /** @param {number} i @param {import("../scene/types.js").Box} box */
 export const moveBox = (i, box) => change(`boxes/${i}`, (content) => {
-  Object.assign(content.constraints.obstacles.boxes[i], { min_mm: box.min.map(Math.round), max_mm: box.max.map(Math.round) });
+  Object.assign(content.constraints?.obstacles?.boxes?.[i]
+    ?? {}, { min_mm: box.min.map(Math.round), max_mm: box.max.map(Math.round) });
 });
 
-/** The pose that the flange is dragged to: the newest is asked for. @type {any} */
+/** The pose that the flange is dragged to: the newest is asked for. @type {Partial<FlangePose> | null} */
 let wanted = null;
 /** What keeps the flange from where it is dragged. */
 export const held = signal("");
 const askInverse = latest(
   () => {
-    const i = chosen.value, content = plan.value;
-    if (wanted === null || i === null || content === null) return Promise.resolve(null);
-    return post("/api/inverse", { robot: robotFrom(content.robot, file.value), joints_deg: jointsOf(content, i), ...wanted });
+    const content = plan.value;
+    if (wanted === null || content === null) return Promise.resolve(null);
+    return post("/api/inverse", { robot: robotFrom(content.robot, file.value),
+      joints_deg: jointsOf(content, chosen.value), ...wanted });
   },
   (found) => {
     const i = chosen.value;
-    held.value = found.at_limit?.length ? `At the limit: ${found.at_limit.map((/** @type {number} */ j) => arm.value?.pendant.names[j - 1] ?? `J${j}`).join(", ")}.` : found.reached ? "" : "The flange cannot be brought there.";
-    if (i !== null && found.reached) change(`flange/${i}`, (content) => { found.joints_deg.forEach((/** @type {number} */ v, /** @type {number} */ j) => { jointsOf(content, i)[j] = Number(v.toFixed(3)); }); });
+    held.value = found.at_limit?.length
+      ? `At the limit: ${found.at_limit.map((j) => arm.value?.pendant.names[j - 1] ?? `J${j}`).join(", ")}.`
+      : found.reached ? "" : "The flange cannot be brought there.";
+    if (found.reached) {
+      change(`flange/${i}`, (content) => {
+        found.joints_deg.forEach((v, j) => { jointsOf(content, i)[j] = Number(v.toFixed(3)); });
+      });
+    }
   },
   failed,
 );
 
-/** @param {any} pose */
+/** @param {FlangePose} pose */
 export function moveFlange(pose) {
-  wanted = { position_mm: pose.position_mm, ...(pose.quaternion_wxyz ? { quaternion_wxyz: pose.quaternion_wxyz } : {}) };
+  wanted = { position_mm: pose.position_mm,
+    ...(pose.quaternion_wxyz ? { quaternion_wxyz: pose.quaternion_wxyz } : {}) };
   askInverse();
 }

@@ -3,22 +3,22 @@ import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get } from "../core/api.js";
-import { begin, follow, outOf, over, well } from "../core/jobs.js";
+import { begin, follow, outOf, underWay, well } from "../core/jobs.js";
 import { goOn, route, toJob } from "../core/route.js";
 import { attempt, refresh } from "../core/store.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
 import { history, loadHistory, showAnalysis } from "./state.js";
+import { into } from "../parts/heard.js";
 
 /** @typedef {import("../core/jobs.js").Followed} Followed */
 
 /** @param {{run: string, analysed: boolean}} props */
 export function Bare({ run, analysed }) {
   const folder = useSignal(""), proposed = `${run.replace(/\.[^./]*$/, "")}-report`;
-  /** @type {import("@preact/signals").Signal<{job: Followed, title: string} | null>} */
-  const made = useSignal(null);
+  const made = useSignal(/** @type {{job: Followed, title: string} | null} */ (null));
   const known = history.value?.runs.find((one) => one.file === run);
-  const busy = made.value !== null && !over(made.value.job.state.value);
+  const busy = underWay(made.value?.job);
 
   /** @param {Followed} job @param {string} to */
   async function reported(job, to) {
@@ -31,7 +31,8 @@ export function Bare({ run, analysed }) {
   // A report that was begun before the page was loaded again is followed.
   useEffect(() => {
     attempt(async () => {
-      const job = (await get("/api/jobs")).find((/** @type {any} */ one) => one.command[0] === "report" && one.command.at(-1) === run && ["waiting", "running"].includes(one.state));
+      const job = (await get("/api/jobs")).find((one) =>
+        one.command[0] === "report" && one.command.at(-1) === run && ["waiting", "running"].includes(one.state));
       if (job && made.value === null) await reported(follow(job.id), outOf(job.command));
     });
   }, [run]);
@@ -51,7 +52,8 @@ export function Bare({ run, analysed }) {
       <div class="bar">
         <button type="button" class="main" disabled=${busy} onClick=${report}>Make the report</button>
         ${!analysed && html`<button type="button" disabled=${busy} onClick=${analyse}>Only analyse</button>`}
-        <${TextField} label="Folder of the report" value=${folder.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { folder.value = value; }} />
+        <${TextField} label="Folder of the report" value=${folder.value} placeholder=${proposed}
+          onValue=${into(folder)} />
       </div>
       ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${made.value.title} />`}
     </section>`;

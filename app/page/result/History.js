@@ -1,12 +1,14 @@
-// The results of one arm over time: a table, each offset with its expanded uncertainty as a trend, and the pages of the drift.
+// The results of one arm over time: a table, each offset with its expanded uncertainty as a trend, and the pages of the
+// drift.
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { pageOf } from "../core/api.js";
-import { begin, over, well } from "../core/jobs.js";
+import { begin, underWay, well } from "../core/jobs.js";
 import { attempt, refresh } from "../core/store.js";
 import { toJob } from "../core/route.js";
 import { counted, marked, named } from "../core/words.js";
 import { typed } from "../core/decimal.js";
+import { Check } from "../parts/Check.js";
 import { Form, Submit } from "../parts/Form.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
@@ -14,13 +16,17 @@ import { TextField } from "../parts/TextField.js";
 import { estimateOf, expandedOf } from "./numbers.js";
 import { history } from "./state.js";
 import { Trend } from "./Trend.js";
+import { into, value as heard } from "../parts/heard.js";
+import { Table } from "../parts/Table.js";
 
-/** @typedef {import("./types.js").BriefRun} BriefRun */
-/** @typedef {import("./types.js").BriefResult} BriefResult */
+/** @typedef {import("../core/jobs.js").Followed} Followed */
+/** @typedef {import("answers").BriefRun} BriefRun */
+/** @typedef {import("answers").BriefResult} BriefResult */
 
 const AT_ONCE = 80; // files of one command
 
-const byDate = (/** @type {BriefRun} */ a, /** @type {BriefRun} */ b) => (a.when ?? "").localeCompare(b.when ?? "") || a.file.localeCompare(b.file);
+const byDate = (/** @type {BriefRun} */ a, /** @type {BriefRun} */ b) =>
+  (a.when ?? "").localeCompare(b.when ?? "") || a.file.localeCompare(b.file);
 const folderOf = (/** @type {string} */ file) => file.slice(0, Math.max(0, file.lastIndexOf("/"))) || ".";
 
 /** Numbers that the measurements support: none of a misfit. @param {BriefResult} result */
@@ -37,62 +43,100 @@ export function History({ serial, run }) {
   if (known === null) return html`<p class="muted">…</p>`;
   const runs = known.runs.filter((one) => (serial ? one.serial === serial : one.file === run)).sort(byDate);
   const stated = new Set(runs.map((one) => one.robot)).size === 1 ? runs : [];
-  /** Of each offset that two results or more determine. @type {Map<string, {when: string, file: string, unit: string, estimate: number, std: number}[]>} */
+  /**
+   * Of each offset that two results or more determine.
+   * @type {Map<string, {when: string, file: string, unit: string, estimate: number, std: number}[]>}
+   */
   const points = new Map();
   for (const one of serial ? stated : []) {
     for (const row of one.results[0]?.offsets ?? []) {
       if (row.estimate === null || row.std === null || !["identified", "weak"].includes(row.status)) continue;
-      points.set(row.name, [...(points.get(row.name) ?? []), { when: one.when ?? "", file: one.file, unit: row.unit, estimate: row.estimate, std: row.std }]);
+      points.set(row.name, [...(points.get(row.name) ?? []),
+        { when: one.when ?? "", file: one.file, unit: row.unit, estimate: row.estimate, std: row.std }]);
     }
   }
   return html`
-    <p class="muted">${serial ? `Serial number ${serial}: ${counted(runs.length, "run")} of this folder.` : "This run states no serial number: the results of an arm are gathered by it."}</p>
-    <div class="scroll" tabindex="0" role="region" aria-label="Runs of this arm"><table class="history">
-      <thead><tr>${["run", "date", "verdict", "offsets, ± U (k = 2)"].map((head) => html`<th scope="col">${head}</th>`)}</tr></thead>
+    <p class="muted">
+      ${serial ? `Serial number ${serial}: ${counted(runs.length, "run")} of this folder.`
+        : "This run states no serial number: the results of an arm are gathered by it."}</p>
+    <${Table} name="Runs of this arm" of="history" heads=${["run", "date", "verdict", "offsets, ± U (k = 2)"]}>
       <tbody>${runs.map((one) => {
         const result = one.results[0], error = one.error ?? result?.error;
         return html`
-          <tr key=${one.file}><th scope="row"><a href=${toJob(folderOf(one.file), "result", result && !result.error ? result.file : one.file)}>${one.file}</a></th><td>${one.when ?? ""}</td>
-            <td class=${error ? "misfit" : result?.grade ?? "muted"}>${error ?? result?.words ?? "no report"}</td><td>${result ? offsets(result) : ""}</td></tr>`;
-      })}</tbody></table></div>
-    <div class="trends">${[...points].filter(([, own]) => own.length > 1).map(([name, own]) => html`<${Trend} key=${name} name=${name} points=${own} />`)}</div>
+          <tr key=${one.file}>
+            <th scope="row">
+              <a
+                href=${toJob(folderOf(one.file), "result", result && !result.error ? result.file : one.file)}>
+                ${one.file}</a></th>
+            <td>${one.when ?? ""}</td>
+            <td class=${error ? "misfit" : result?.grade ?? "muted"}>${error ?? result?.words ?? "no report"}</td>
+            <td>${result ? offsets(result) : ""}</td></tr>`;
+      })}</tbody><//>
+    <div class="trends">
+      ${[...points].filter(([, own]) => own.length > 1)
+        .map(([name, own]) => html`<${Trend} key=${name} name=${name} points=${own} />`)}</div>
     <${Drift} serial=${serial} />`;
 }
 
-/** The newest result of each run is put into a history, whose pages say which changes are real and when the next calibration is due. @param {{serial: string | null}} props */
+/**
+ * The newest result of each run is put into a history, whose pages say which changes are real and when the next
+ * calibration is due.
+ * @param {{serial: string | null}} props
+ */
 function Drift({ serial }) {
-  const all = useSignal(!serial), tolerance = useSignal(/** @type {number | null} */ (0.5)), day = useSignal(new Intl.DateTimeFormat("sv").format(new Date())), db = useSignal("history.sqlite"), folder = useSignal("");
-  const stated = (history.value?.runs ?? []).filter((run) => run.serial && run.when && run.results.some((one) => !one.error));
+  const all = useSignal(!serial), tolerance = useSignal(/** @type {number | null} */ (0.5));
+  const day = useSignal(new Intl.DateTimeFormat("sv").format(new Date())), db = useSignal("history.sqlite");
+  const folder = useSignal("");
+  const stated = (history.value?.runs ?? []).filter((run) =>
+    run.serial && run.when && run.results.some((one) => !one.error));
   const files = stated.map((run) => /** @type {BriefResult} */ (run.results.find((one) => !one.error)).file);
-  const of = all.value ? null : serial, proposed = of ? `history-${of.replace(/[^A-Za-z0-9_]+/g, "-").slice(0, 40)}` : "history";
-  /** @type {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, title: string, page: string} | null>} */
-  const made = useSignal(null);
+  const of = all.value ? null : serial, arms = new Set(stated.map((run) => run.serial));
+  const proposed = of ? `history-${of.replace(/[^A-Za-z0-9_]+/g, "-").slice(0, 40)}` : "history";
+  const made = useSignal(/** @type {{job: Followed, title: string, page: string} | null} */ (null));
   const make = (/** @type {Event} */ event) => {
     event.preventDefault();
     attempt(async () => {
       for (let at = 0; at < files.length; at += AT_ONCE) {
-        const part = files.slice(at, at + AT_ONCE), job = await begin(["history", "add", ...part, `--db=${db.value}`, "--replace"]);
+        const part = files.slice(at, at + AT_ONCE);
+        const job = await begin(["history", "add", ...part, `--db=${db.value}`, "--replace"]);
         made.value = { job, title: `${counted(part.length, "result")} into ${db.value}`, page: "" };
         if (!well(await job.ended)) return;
       }
       const to = (folder.value.trim() || proposed).replace(/\/+$/, "");
-      const job = await begin(["history", "report", `--db=${db.value}`, `--tolerance-mm=${typed(tolerance.value ?? 0.5, 6)}`, ...(day.value ? [`--as-of=${day.value}`] : []), `--out=${to}`, ...(of ? ["--", of] : [])]);
-      made.value = { job, title: of ? `The page of ${of}` : "The pages of all arms", page: `${to}/${of ? "arm" : "fleet"}.html` };
+      const job = await begin(["history", "report", `--db=${db.value}`,
+        `--tolerance-mm=${typed(tolerance.value ?? 0.5, 6)}`, ...(day.value ? [`--as-of=${day.value}`] : []),
+        `--out=${to}`, ...(of ? ["--", of] : [])]);
+      made.value = { job, title: of ? `The page of ${of}` : "The pages of all arms",
+        page: `${to}/${of ? "arm" : "fleet"}.html` };
       if (well(await job.ended)) await refresh();
     });
   };
   return html`
     <h3>Drift, and the next calibration</h3>
-    <p class="muted">The newest result of each run is put into a history, a database in this folder. Its pages say which changes of the offsets are real, and when the next calibration is due. ${files.length ? `${counted(files.length, "result")} of ${counted(new Set(stated.map((run) => run.serial)).size, "arm")}, with serial number and date.` : "No result here has a run that states a serial number and a date."}</p>
+    <p class="muted">The newest result of each run is put into a history, a database in this folder. Its pages say which
+      changes of the offsets are real, and when the next calibration is
+      due. ${files.length
+        ? `${counted(files.length, "result")} of ${counted(arms.size, "arm")}, with serial number and date.`
+        : "No result here has a run that states a serial number and a date."}</p>
     <${Form} class="drift" onSubmit=${make}>
       <div class="fields">
-        ${serial && html`<label class="check"><input type="checkbox" checked=${all.value} onChange=${(/** @type {any} */ event) => { all.value = event.target.checked; }} /> All arms</label>`}
-        <${NumberField} label="TCP tolerance" unit="mm" value=${tolerance.value} least=${1e-6} digits=${6} onValue=${(/** @type {number | null} */ value) => { tolerance.value = value; }} />
-        <label><span class="label">As of</span><input type="date" value=${day.value} onInput=${(/** @type {any} */ event) => { day.value = event.target.value; }} /></label>
-        <${TextField} label="Database" value=${db.value} onValue=${(/** @type {string} */ value) => { db.value = value; }} />
-        <${TextField} label="Folder of the pages" value=${folder.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { folder.value = value; }} />
+        ${serial && html`<${Check} on=${all.value} onTurn=${into(all)}>All arms<//>`}
+        <${NumberField} label="TCP tolerance" unit="mm" value=${tolerance.value} least=${1e-6} digits=${6}
+          onValue=${into(tolerance)} />
+        <label><span class="label">As of</span>
+          <input type="date" value=${day.value} onInput=${heard(into(day))} /></label>
+        <${TextField} label="Database" value=${db.value} onValue=${into(db)} />
+        <${TextField} label="Folder of the pages" value=${folder.value} placeholder=${proposed}
+          onValue=${into(folder)} />
       </div>
-      <p class="bar"><${Submit} main=${false} disabled=${!files.length || (made.value !== null && !over(made.value.job.state.value))}>Make the pages<//></p>
-      ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${made.value.title}>${made.value.page && html`<p><a class="button" href=${pageOf(made.value.page)} target="_blank" rel="noopener">Open the page</a></p>`}<//>`}
+      <p class="bar">
+        <${Submit} main=${false} disabled=${!files.length || underWay(made.value?.job)}>Make the pages<//></p>
+      ${made.value && html`
+        <${JobProgress} key=${made.value.job.id} job=${made.value.job}
+          title=${made.value.title}>
+          ${made.value.page && html`
+            <p>
+              <a class="button" href=${pageOf(made.value.page)} target="_blank"
+                rel="noopener">Open the page</a></p>`}<//>`}
     <//>`;
 }

@@ -11,4 +11,5 @@ export function estimateOf(row, k) {
 }
 
 /** @param {Estimated} row @param {number} k */
-export const expandedOf = (row, k) => (row.std === null || row.status === "unvalidated" ? "—" : spread(k * row.std, row.unit));
+export const expandedOf = (row, k) =>
+  (row.std === null || row.status === "unvalidated" ? "—" : spread(k * row.std, row.unit));

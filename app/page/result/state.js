@@ -5,36 +5,31 @@ import { refresh, say } from "../core/store.js";
 import { named } from "../core/words.js";
 
 /** @typedef {import("./types.js").Found} Found */
-/** @typedef {import("./types.js").Refit} Refit */
-/** @typedef {{answer: any, front: string | null}} Analysis a job that has ended */
+/** @typedef {import("answers").Refit} Refit */
+/**
+ * @typedef {{answer: import("../core/printed.js").Printed | null, front: string | null}} Analysis a job that has ended
+ */
 
-/** @type {import("@preact/signals").Signal<Found | null>} */
-export const open = signal(null);
+export const open = signal(/** @type {Found | null} */ (null));
 /** A run that has no report yet; "" where none is open. */
 export const bareRun = signal("");
 export const failure = signal("");
 /** The file that all this is of. */
 export const shown = signal("");
-/** @type {import("@preact/signals").Signal<import("./types.js").History | null>} */
-export const history = signal(null);
+export const history = signal(/** @type {import("answers").FolderHistory | null} */ (null));
 
-/** Measurements that are left out. @type {import("@preact/signals").Signal<number[]>} */
-export const out = signal([]);
-/** The measurement whose shift is shown. @type {import("@preact/signals").Signal<number | null>} */
-export const single = signal(null);
-/** @type {import("@preact/signals").Signal<Refit | null>} */
-export const refitted = signal(null);
-/** @type {import("@preact/signals").Signal<Refit | null>} */
-export const shift = signal(null);
+/** Measurements that are left out. */
+export const out = signal(/** @type {number[]} */ ([]));
+/** The measurement whose shift is shown. */
+export const single = signal(/** @type {number | null} */ (null));
+export const refitted = signal(/** @type {Refit | null} */ (null));
+export const shift = signal(/** @type {Refit | null} */ (null));
 export const refitFault = signal("");
 
-/** @type {import("@preact/signals").Signal<import("./types.js").Posterior | null>} */
-export const posterior = signal(null);
+export const posterior = signal(/** @type {import("answers").PosteriorDraws | null} */ (null));
 export const posteriorSays = signal("");
-/** @type {import("@preact/signals").Signal<import("./types.js").Ranges>} */
-export const ranges = signal({});
-/** @type {import("@preact/signals").Signal<import("./types.js").Brushed | null>} */
-export const brushed = signal(null);
+export const ranges = signal(/** @type {import("./types.js").Ranges} */ ({}));
+export const brushed = signal(/** @type {import("answers").Brushed | null} */ (null));
 export const brushFault = signal("");
 
 /** Analyses of runs without a report, by run file. @type {Map<string, Found>} */
@@ -50,10 +45,16 @@ function clear() {
 
 /** What `analyse` printed, as the page shows a result. @param {Analysis} job @param {string} run @returns {Found} */
 function analysisOf({ answer, front }, run) {
-  return { ...answer, front, file: "", run, report: null, posterior_file: null, files: [], origin: answer.inputs.header.provenance ?? {}, posterior: { converged: false, message: "The posterior is drawn with the report." } };
+  const none = { file: "", report: null, posterior_file: null, files: [],
+    posterior: { converged: false, message: "The posterior is drawn with the report." } };
+  return /** @type {Found} */ (/** @type {unknown} */ ({ ...answer, ...none, front, run,
+    origin: answer?.inputs.header.provenance ?? {} }));
 }
 
-/** An analysis is there without being made again, as long as the page is open. @param {Analysis} job @param {string} run */
+/**
+ * An analysis is there without being made again, as long as the page is open.
+ * @param {Analysis} job @param {string} run
+ */
 export const keepAnalysis = (job, run) => { analyses.set(run, analysisOf(job, run)); };
 
 /** @param {string} file @param {boolean} isRun */
@@ -66,7 +67,7 @@ export async function show(file, isRun) {
       if (open.value) warm(open.value);
       return;
     }
-    const found = await getFile("result", file);
+    const found = /** @type {Found} */ (await getFile("result", file));
     open.value = found;
     warm(found);
     await draws(found);
@@ -99,10 +100,14 @@ function warm(found) {
 
 /** @param {Found} found */
 async function draws(found) {
-  const unknown = found.parameters.filter((row) => row.group === "offset" && row.status === "unidentifiable").map((row) => named(row.name));
-  const lines = unknown.length ? [`${unknown.join(", ")}: prior only, the measurements do not determine ${unknown.length === 1 ? "it" : "them"}; not drawn.`] : [];
-  if (found.posterior_file === null) lines.push(found.posterior.message ?? "There is no posterior.nc beside this result.");
-  else {
+  const unknown = found.parameters.filter((row) => row.group === "offset" && row.status === "unidentifiable")
+    .map((row) => named(row.name));
+  const them = unknown.length === 1 ? "it" : "them";
+  const why = `${unknown.join(", ")}: prior only, the measurements do not determine ${them}; not drawn.`;
+  const lines = unknown.length ? [why] : [];
+  if (found.posterior_file === null) {
+    lines.push(found.posterior.message ?? "There is no posterior.nc beside this result.");
+  } else {
     const drawn = await getFile("posterior", found.posterior_file);
     if (open.value !== found) return;
     if (!drawn.converged) lines.push(`No posterior is shown: ${found.posterior.message ?? "it has not converged"}`);
@@ -118,7 +123,8 @@ const refit = latest(
     const found = open.value, without = out.value, alone = single.value;
     if (found?.run == null || (!without.length && alone === null)) return null;
     const of = { run: found.run };
-    const answers = { alone: alone === null ? null : await post("/api/refit", { ...of, without: [alone] }), whole: without.length ? await post("/api/refit", { ...of, without }) : null };
+    const answers = { alone: alone === null ? null : await post("/api/refit", { ...of, without: [alone] }),
+      whole: without.length ? await post("/api/refit", { ...of, without }) : null };
     return open.value === found ? answers : null;
   },
   ({ whole, alone }) => batch(() => {
@@ -126,8 +132,9 @@ const refit = latest(
     refitted.value = whole;
     shift.value = alone ?? whole;
     refitFault.value = "";
-    const { without, verdict, lost } = alone ?? whole;
-    say(`Without measurement ${without.join(", ")}: ${verdict}${lost.length ? `, no longer determined: ${lost.map(named).join(", ")}` : ""}`);
+    const { without, verdict, lost } = /** @type {Refit} */ (alone ?? whole);
+    const gone = lost.length ? `, no longer determined: ${lost.map(named).join(", ")}` : "";
+    say(`Without measurement ${without.join(", ")}: ${verdict}${gone}`);
   }),
   (error) => batch(() => {
     refitted.value = shift.value = null;
@@ -150,9 +157,13 @@ export function leaveOutThese(shots) {
 }
 
 /** @param {number} shot @param {boolean} on */
-export const leaveOut = (shot, on) => leaveOutThese([...out.value.filter((other) => other !== shot), ...(on ? [shot] : [])]);
+export const leaveOut = (shot, on) =>
+  leaveOutThese([...out.value.filter((other) => other !== shot), ...(on ? [shot] : [])]);
 
-/** Writes the run without what is left out as a new file. @param {string} run @param {number[]} without @returns {Promise<string>} the file */
+/**
+ * Writes the run without what is left out as a new file.
+ * @param {string} run @param {number[]} without @returns {Promise<string>} the file
+ */
 export async function saveWithout(run, without) {
   const { file } = await post("/api/runs", { run, without });
   await Promise.all([refresh(), loadHistory()]);
@@ -168,7 +179,8 @@ export function showShift(shot) {
 const brush = latest(
   async () => {
     const found = open.value;
-    return found?.run && found.posterior_file && Object.keys(ranges.value).length ? post("/api/brush", { posterior: found.posterior_file, run: found.run, ranges: ranges.value }) : null;
+    return found?.run && found.posterior_file && Object.keys(ranges.value).length
+      ? post("/api/brush", { posterior: found.posterior_file, run: found.run, ranges: ranges.value }) : null;
   },
   (answer) => { if (Object.keys(ranges.value).length) brushed.value = answer; },
   (error) => { brushFault.value = error.text; },
@@ -179,6 +191,6 @@ export function chooseDraws(next) {
   ranges.value = next;
   brushFault.value = "";
   if (!Object.keys(next).length) { brushed.value = null; return; }
-  if (open.value?.run == null) brushFault.value = "The run of this result is not in the folder: its residuals cannot be computed.";
-  else brush();
+  if (open.value?.run != null) brush();
+  else brushFault.value = "The run of this result is not in the folder: its residuals cannot be computed.";
 }

@@ -18,9 +18,11 @@ export const SIDES = [
  * @param {{turn: import("@preact/signals").Signal<string>, onSide: (side: Side) => void}} props
  */
 export function Cube({ turn, onSide }) {
-  return html`<div class="scene-cube" role="group" aria-label="View from a side">
+  return html`<div class="scene-cube" role="group" aria-label="View cube">
     <div class="turned" style=${{ transform: turn.value }}>
-      ${SIDES.map((side, i) => html`<button type="button" class=${`side${i}`} tabindex="-1" aria-label=${`View from ${side.says}`} onClick=${() => onSide(side)}>${side.name}</button>`)}
+      ${SIDES.map((side, i) => html`
+        <button type="button" class=${`side${i}`} tabindex="-1" aria-label=${`${side.name}: view from ${side.says}`}
+          onClick=${() => onSide(side)}>${side.name}</button>`)}
     </div>
   </div>`;
 }

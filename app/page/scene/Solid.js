@@ -3,14 +3,19 @@ import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 
 /** @typedef {import("./view.js").View} View */
-/** @typedef {(canvas: HTMLCanvasElement, names: HTMLCanvasElement, acts: import("./types.js").SceneActs) => View} Make */
+/**
+ * @typedef {(canvas: HTMLCanvasElement, names: HTMLCanvasElement, acts: import("./types.js").SceneActs) => View} Make
+ */
 
 /**
- * @param {{make: Make, scene: import("./types.js").Scene3D, chosen: number|null, tools: import("./types.js").Tools,
- *   motion: import("./view.js").Motion|null, acts: import("./types.js").SceneActs, label: string, onView: (view: View|null) => void, onNone: () => void}} props
+ * @param {{make: Make, scene: import("./types.js").Scene3D, chosen: number, ghosts: boolean,
+ *   tools: import("./types.js").Tools,
+ *   motion: import("./view.js").Motion|null, acts: import("./types.js").SceneActs, label: string,
+ *   onView: (view: View|null) => void, onNone: () => void}} props
  */
-export function Solid({ make, scene, chosen, tools, motion, acts, label, onView, onNone }) {
-  const canvas = useRef(/** @type {HTMLCanvasElement|null} */ (null)), names = useRef(/** @type {HTMLCanvasElement|null} */ (null));
+export function Solid({ make, scene, chosen, ghosts, tools, motion, acts, label, onView, onNone }) {
+  const canvas = useRef(/** @type {HTMLCanvasElement|null} */ (null));
+  const names = useRef(/** @type {HTMLCanvasElement|null} */ (null));
   const view = useRef(/** @type {View|null} */ (null));
   useEffect(() => {
     if (!canvas.current || !names.current) return undefined;
@@ -30,6 +35,8 @@ export function Solid({ make, scene, chosen, tools, motion, acts, label, onView,
     document.fonts?.ready.then(() => made.invalidate());
     return () => { size.disconnect(); onView(null); view.current = null; made.dispose(); };
   }, []);
-  useEffect(() => view.current?.show(scene, chosen, tools, motion), [scene, chosen, tools, motion]);
-  return html`<canvas ref=${canvas} class="scene-picture" tabindex="0" role="img" aria-label=${label}></canvas><canvas ref=${names} class="scene-names" aria-hidden="true"></canvas>`;
+  useEffect(() => view.current?.show(scene, chosen, ghosts, tools, motion), [scene, chosen, ghosts, tools, motion]);
+  return html`
+    <canvas ref=${canvas} class="scene-picture" tabindex="0" role="img" aria-label=${label}></canvas>
+    <canvas ref=${names} class="scene-names" aria-hidden="true"></canvas>`;
 }

@@ -8,7 +8,11 @@ import { across, apart, dot, minus, plus, rotated, times, unit } from "./vectors
 
 /** @typedef {import("./vectors.js").Vec} Vec */
 /** @typedef {import("./types.js").Held} Held */
-/** @typedef {{joint: number, kind: string, before: number, value: number, less: number, name: string, lower: number, upper: number, start: Vec, pivot: Vec, axis: Vec, screen: {x: number, y: number, per: number}|null, posture: import("./types.js").ShownPosture}} JointDrag */
+/**
+ * @typedef {{joint: number, kind: string, before: number, value: number, less: number, name: string, lower: number,
+ *   upper: number, start: Vec, pivot: Vec, axis: Vec, screen: {x: number, y: number, per: number}|null,
+ *   posture: import("./types.js").ShownPosture}} JointDrag
+ */
 
 const CLICK_PX = 5;
 const THINNEST = 10; // mm, of a box
@@ -39,8 +43,12 @@ export class Grips {
     this.gizmo.addEventListener("mouseUp", () => this.gripped(true));
     this.gizmo.addEventListener("mouseUp", () => this.sync());
     this.gone = new AbortController();
-    for (const [kind, heard] of /** @type {const} */ ([["pointerdown", this.down], ["pointermove", this.move], ["pointerup", this.up], ["pointercancel", this.up]]))
-      view.canvas.addEventListener(kind, heard.bind(this), { signal: this.gone.signal });
+    const { signal } = this.gone;
+    view.canvas.addEventListener("pointerdown", this.down.bind(this), { signal });
+    view.canvas.addEventListener("pointermove", this.move.bind(this), { signal });
+    for (const kind of /** @type {const} */ (["pointerup", "pointercancel"])) {
+      view.canvas.addEventListener(kind, this.up.bind(this), { signal });
+    }
   }
 
   dispose() {
@@ -57,7 +65,8 @@ export class Grips {
     if (!scene) return [];
     return [
       ...(this.tools.flange && this.view.posture() ? [/** @type {Held} */ ({ kind: "flange" })] : []),
-      ...(this.tools.target ? scene.marks.map((mark) => /** @type {Held} */ ({ kind: "target", name: mark.name })) : []),
+      ...(this.tools.target ? scene.marks.map((mark) => /** @type {Held} */ ({ kind: "target", name: mark.name }))
+        : []),
       ...(this.tools.boxes ? (scene.boxes || []).map((_, index) => /** @type {Held} */ ({ kind: "box", index })) : []),
     ];
   }
@@ -106,13 +115,19 @@ export class Grips {
     grip.updateMatrixWorld();
   }
 
-  /** Orientation of the flange, from that of the last link; null where it is not known. @param {import("./types.js").ShownPosture} posture */
+  /**
+   * Orientation of the flange, from that of the last link; null where it is not known.
+   * @param {import("./types.js").ShownPosture} posture
+   */
   flangeTurn(posture) {
     const { scene } = this.view, first = scene?.arm.poses?.[0];
     if (!scene || !first || !posture.links) return null;
-    const turnOf = (/** @type {number[][]} */ rows) => new THREE.Quaternion().setFromRotationMatrix(new THREE.Matrix4().set(rows[0][0], rows[0][1], rows[0][2], 0, rows[1][0], rows[1][1], rows[1][2], 0, rows[2][0], rows[2][1], rows[2][2], 0, 0, 0, 0, 1));
+    const turnOf = (/** @type {number[][]} */ rows) =>
+      new THREE.Quaternion().setFromRotationMatrix(new THREE.Matrix4().set(rows[0][0], rows[0][1], rows[0][2], 0,
+        rows[1][0], rows[1][1], rows[1][2], 0, rows[2][0], rows[2][1], rows[2][2], 0, 0, 0, 0, 1));
     const [w, x, y, z] = first.quaternion_wxyz;
-    const last = /** @type {number[][]} */ (scene.arm.links.at(-1)), now = /** @type {number[][]} */ (posture.links.at(-1));
+    const last = /** @type {number[][]} */ (scene.arm.links.at(-1));
+    const now = /** @type {number[][]} */ (posture.links.at(-1));
     return turnOf(now).multiply(turnOf(last).invert()).multiply(new THREE.Quaternion(x, y, z, w));
   }
 
@@ -122,11 +137,19 @@ export class Grips {
     if (!held || !scene) return;
     if (held.kind === "target") acts.target?.(held.name, at, done);
     else if (held.kind === "flange") {
-      const { w, x, y, z } = grip.quaternion, known = this.view.posture() && this.flangeTurn(/** @type {import("./types.js").ShownPosture} */ (this.view.posture()));
+      const { w, x, y, z } = grip.quaternion;
+      const known = this.view.posture()
+        && this.flangeTurn(/** @type {import("./types.js").ShownPosture} */ (this.view.posture()));
       acts.flange?.({ position_mm: at, quaternion_wxyz: known ? [w, x, y, z] : null }, done);
     } else {
-      const box = scene.boxes?.[held.index], half = this.half.map((v, i) => Math.max(THINNEST / 2, Math.abs(v * grip.scale.getComponent(i))));
-      if (box) acts.box?.(held.index, { ...box, min: /** @type {Vec} */ (at.map((v, i) => Math.round(v - half[i]))), max: /** @type {Vec} */ (at.map((v, i) => Math.round(v + half[i]))) }, done);
+      const box = scene.boxes?.[held.index];
+      const half = this.half.map((v, i) => Math.max(THINNEST / 2, Math.abs(v * grip.scale.getComponent(i))));
+      if (box) {
+        acts.box?.(held.index,
+          { ...box, min: /** @type {Vec} */ (at.map((v, i) => Math.round(v - half[i]))),
+            max: /** @type {Vec} */ (at.map((v, i) => Math.round(v + half[i]))) },
+          done);
+      }
     }
   }
 
@@ -144,7 +167,8 @@ export class Grips {
   /** @param {PointerEvent} event */
   aim(event) {
     const place = this.view.canvas.getBoundingClientRect();
-    const flat = new THREE.Vector2(((event.clientX - place.left) / place.width) * 2 - 1, 1 - ((event.clientY - place.top) / place.height) * 2);
+    const flat = new THREE.Vector2(((event.clientX - place.left) / place.width) * 2 - 1,
+      1 - ((event.clientY - place.top) / place.height) * 2);
     this.ray.setFromCamera(flat, this.view.camera);
   }
 
@@ -154,13 +178,15 @@ export class Grips {
     if (!first) return null;
     /** @type {THREE.Object3D|null} */
     let object = first.object;
-    while (object && object.userData.joint === undefined && object.userData.target === undefined && object.userData.box === undefined && !(object instanceof THREE.InstancedMesh)) object = object.parent;
+    while (object && object.userData.joint === undefined && object.userData.target === undefined
+      && object.userData.box === undefined && !(object instanceof THREE.InstancedMesh)) object = object.parent;
     return { ...first, of: object };
   }
 
   /** What is under the pointer: the arm or a target, else a box, which can be seen through. */
   under() {
-    const { arm, mesh, marks } = this.view.parts, boxes = marks.children.filter((child) => child.userData.box !== undefined);
+    const { arm, mesh, marks } = this.view.parts;
+    const boxes = marks.children.filter((child) => child.userData.box !== undefined);
     const solid = this.hit([arm, ...mesh.children, ...marks.children.filter((child) => !boxes.includes(child))]);
     return solid?.of ? solid : this.hit(boxes);
   }
@@ -198,19 +224,24 @@ export class Grips {
     const { scene, camera } = this.view, posture = this.view.posture(), limits = scene?.arm.joints[joint - 1];
     const value = posture?.joints?.[joint - 1];
     if (!scene || !posture?.axes || !limits || value === undefined) return false;
-    const pivot = posture.skeleton[joint], axis = posture.axes[joint - 1], eye = unit(minus(/** @type {Vec} */ (camera.position.toArray()), pivot));
+    const pivot = posture.skeleton[joint], axis = posture.axes[joint - 1];
+    const eye = unit(minus(/** @type {Vec} */ (camera.position.toArray()), pivot));
     const arm = minus(at, pivot), start = minus(arm, times(axis, dot(arm, axis)));
     let screen = null;
     if (limits.kind === "prismatic" || Math.abs(dot(eye, axis)) < EDGE_ON || apart(start, [0, 0, 0]) < 1) {
       // Along the picture: where the grabbed point goes for a degree (a millimetre).
-      const next = limits.kind === "prismatic" ? plus(at, axis) : plus(pivot, rotated(arm, axis, Math.PI / 180)), [a, b] = [this.view.flat(at), this.view.flat(next)];
+      const next = limits.kind === "prismatic" ? plus(at, axis) : plus(pivot, rotated(arm, axis, Math.PI / 180));
+      const [a, b] = [this.view.flat(at), this.view.flat(next)];
       const way = a && b ? { x: b.x - a.x, y: b.y - a.y } : { x: 1, y: 0 }, per = Math.hypot(way.x, way.y);
       const least = limits.kind === "prismatic" ? 0.02 : 0.8; // px, so that a point near the axis does not race
       screen = per > 1e-3 ? { x: way.x / per, y: way.y / per, per: Math.max(per, least) } : { x: 1, y: 0, per: 2 };
     }
     // Limits hold as the pendant counts and between the links.
-    const less = value - (posture.counted?.[joint - 1] ?? value), [lowest, highest] = scene.arm.ranges?.[joint - 1] ?? [-Infinity, Infinity];
-    this.drag = { joint, kind: limits.kind, before: value, value, less, name: scene.arm.pendant?.names[joint - 1] ?? `J${joint}`, lower: Math.max(lowest, limits.lower + less), upper: Math.min(highest, limits.upper + less), start: unit(start), pivot, axis, screen, posture };
+    const less = value - (posture.counted?.[joint - 1] ?? value);
+    const [lowest, highest] = scene.arm.ranges?.[joint - 1] ?? [-Infinity, Infinity];
+    this.drag = { joint, kind: limits.kind, before: value, value, less,
+      name: scene.arm.pendant?.names[joint - 1] ?? `J${joint}`, lower: Math.max(lowest, limits.lower + less),
+      upper: Math.min(highest, limits.upper + less), start: unit(start), pivot, axis, screen, posture };
     this.from = { x: event.clientX, y: event.clientY };
     this.swept = 0;
     this.showArc();
@@ -245,11 +276,16 @@ export class Grips {
   /** By how much the joint is turned since it was grabbed. @param {JointDrag} drag @param {PointerEvent} event */
   swing(drag, event) {
     const from = /** @type {{x: number, y: number}} */ (this.from);
-    if (drag.screen) return ((event.clientX - from.x) * drag.screen.x + (event.clientY - from.y) * drag.screen.y) / drag.screen.per;
+    if (drag.screen) {
+      return ((event.clientX - from.x) * drag.screen.x + (event.clientY - from.y) * drag.screen.y) / drag.screen.per;
+    }
     this.aim(event);
-    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(new THREE.Vector3(...drag.axis), new THREE.Vector3(...drag.pivot)), met = this.ray.ray.intersectPlane(plane, new THREE.Vector3());
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(new THREE.Vector3(...drag.axis),
+      new THREE.Vector3(...drag.pivot));
+    const met = this.ray.ray.intersectPlane(plane, new THREE.Vector3());
     if (!met) return this.swept || 0;
-    const way = unit(minus(/** @type {Vec} */ (met.toArray()), drag.pivot)), side = rotated(drag.start, drag.axis, Math.PI / 2);
+    const way = unit(minus(/** @type {Vec} */ (met.toArray()), drag.pivot));
+    const side = rotated(drag.start, drag.axis, Math.PI / 2);
     const angle = THREE.MathUtils.radToDeg(Math.atan2(dot(way, side), dot(way, drag.start)));
     // The turn that is nearest to the one before: past a half turn it goes on.
     this.swept = angle + 360 * Math.round(((this.swept || 0) - angle) / 360);
@@ -261,26 +297,36 @@ export class Grips {
     const { drag, view } = this, { arc } = view.parts;
     emptied(arc);
     if (!drag || !view.scene) return;
-    const reach = view.scene.reach, radius = 0.17 * reach, [lower, upper] = [drag.lower - drag.before, drag.upper - drag.before];
+    const reach = view.scene.reach, radius = 0.17 * reach;
+    const [lower, upper] = [drag.lower - drag.before, drag.upper - drag.before];
     if (drag.kind === "prismatic") {
       const ends = /** @type {Vec[]} */ ([lower, upper].map((by) => plus(drag.pivot, times(drag.axis, by))));
       arc.add(solidObject({ shape: "line", points: ends, tone: "identified", wide: 2 }, view.materials, reach));
       return;
     }
     const [u] = apart(drag.start, [0, 0, 0]) > 0.5 ? [drag.start] : across(drag.axis);
-    const at = (/** @type {number} */ degrees) => plus(drag.pivot, times(rotated(u, drag.axis, (degrees * Math.PI) / 180), radius));
-    const span = Math.min(upper - lower, 360), points = Array.from({ length: 49 }, (_, i) => at(lower + (span * i) / 48));
+    const at = (/** @type {number} */ degrees) =>
+      plus(drag.pivot, times(rotated(u, drag.axis, (degrees * Math.PI) / 180), radius));
+    const span = Math.min(upper - lower, 360);
+    const points = Array.from({ length: 49 }, (_, i) => at(lower + (span * i) / 48));
     const stop = drag.value <= drag.lower || drag.value >= drag.upper;
-    arc.add(solidObject({ shape: "patch", points: span < 360 ? [drag.pivot, ...points] : points, tone: stop ? "weak" : "identified", see: 0.16 }, view.materials, reach));
-    arc.add(solidObject({ shape: "line", points: [drag.pivot, at(drag.value - drag.before)], tone: stop ? "weak" : "identified", wide: 2.4 }, view.materials, reach));
+    arc.add(solidObject({ shape: "patch", points: span < 360 ? [drag.pivot, ...points] : points,
+      tone: stop ? "weak" : "identified", see: 0.16 },
+      view.materials, reach));
+    arc.add(solidObject({ shape: "line", points: [drag.pivot, at(drag.value - drag.before)],
+      tone: stop ? "weak" : "identified", wide: 2.4 },
+      view.materials, reach));
   }
 
   /** The name of what is dragged, with its value. */
   names() {
     const { drag, view } = this;
     if (!drag) return [];
-    const unitOf = drag.kind === "prismatic" ? "\u00a0mm" : "°", shown = (/** @type {number} */ v, /** @type {number} */ digits) => v.toFixed(digits).replace("-", "−");
-    return [{ at: drag.pivot, text: `${drag.name}: ${shown(drag.value - drag.less, 1)}${unitOf} (${shown(drag.lower - drag.less, 0)} to ${shown(drag.upper - drag.less, 0)})`, tone: view.colours.identified, rank: 0, bold: true }];
+    const unitOf = drag.kind === "prismatic" ? "\u00a0mm" : "°";
+    const shown = (/** @type {number} */ v, /** @type {number} */ digits) => v.toFixed(digits).replace("-", "−");
+    const [now, lower, upper] = [drag.value, drag.lower, drag.upper].map((v) => v - drag.less);
+    const text = `${drag.name}: ${shown(now, 1)}${unitOf} (${shown(lower, 0)} to ${shown(upper, 0)})`;
+    return [{ at: drag.pivot, text, tone: view.colours.identified, rank: 0, bold: true }];
   }
 
   /** @param {PointerEvent} event */
@@ -304,8 +350,10 @@ export class Grips {
     this.aim(event);
     const found = this.under()?.of, scene = view.scene;
     if (!scene) return;
-    if (found?.userData.target !== undefined && this.tools.target) this.hold({ kind: "target", name: found.userData.target });
-    else if (found?.userData.box !== undefined && this.tools.boxes) this.hold({ kind: "box", index: found.userData.box });
+    if (found?.userData.target !== undefined
+      && this.tools.target) this.hold({ kind: "target", name: found.userData.target });
+    else if (found?.userData.box !== undefined
+      && this.tools.boxes) this.hold({ kind: "box", index: found.userData.box });
     else if (found?.userData.joint === scene.arm.joints.length && this.tools.flange) this.hold({ kind: "flange" });
     else if (!found) {
       const pale = this.hit([view.pale.group]), list = pale?.of && view.pale.of.get(pale.of);
@@ -318,7 +366,9 @@ export class Grips {
   hover(event) {
     this.aim(event);
     const found = this.under()?.of?.userData;
-    const held = found && ((found.joint && this.tools.joints) || (found.target !== undefined && this.tools.target) || (found.box !== undefined && this.tools.boxes));
+    const held = found
+      && ((found.joint && this.tools.joints) || (found.target !== undefined && this.tools.target)
+        || (found.box !== undefined && this.tools.boxes));
     this.view.canvas.classList.toggle("over", Boolean(held));
   }
 }

@@ -17,8 +17,12 @@ function shape(name, make) {
   return made;
 }
 
-/** A cylinder of length 1 along y, radius 1 at its start and `taper` at its end. @param {number} taper @param {number} sides */
-const cylinder = (taper, sides) => shape(`rod ${taper} ${sides}`, () => new THREE.CylinderGeometry(taper, 1, 1, sides, 1));
+/**
+ * A cylinder of length 1 along y, radius 1 at its start and `taper` at its end.
+ * @param {number} taper @param {number} sides
+ */
+const cylinder = (taper, sides) =>
+  shape(`rod ${taper} ${sides}`, () => new THREE.CylinderGeometry(taper, 1, 1, sides, 1));
 /** @param {number} sides */
 const sphere = (sides) => shape(`ball ${sides}`, () => new THREE.SphereGeometry(1, sides, Math.max(6, sides / 2)));
 
@@ -62,12 +66,17 @@ export class Materials {
 
   /** Lit from a side. @param {Tone} tone @param {number} [see] */
   solid(tone, see = 1) {
-    return this.of("solid", tone, see, () => new THREE.MeshPhongMaterial({ shininess: 24, specular: 0x1a1a1a, side: see < 1 ? THREE.DoubleSide : THREE.FrontSide }));
+    return this.of("solid", tone,
+      see, () =>
+        new THREE.MeshPhongMaterial({ shininess: 24, specular: 0x1a1a1a,
+          side: see < 1 ? THREE.DoubleSide : THREE.FrontSide }));
   }
 
   /** With a face for each triangle. @param {Tone} tone */
   faceted(tone) {
-    return this.of("faceted", tone, 1, () => new THREE.MeshPhongMaterial({ shininess: 16, specular: 0x111111, flatShading: true, side: THREE.DoubleSide }));
+    return this.of("faceted", tone,
+      1, () =>
+        new THREE.MeshPhongMaterial({ shininess: 16, specular: 0x111111, flatShading: true, side: THREE.DoubleSide }));
   }
 
   /** As bright everywhere. @param {Tone} tone @param {number} [see] */
@@ -103,7 +112,9 @@ export function solidObject(solid, materials, reach) {
     object.matrix.makeScale(solid.radius, solid.radius, solid.radius).setPosition(...solid.at);
   } else if (solid.shape === "block") object = blockObject(solid, materials, see);
   else if (solid.shape === "cone") {
-    object = new THREE.Mesh(shape("cone", () => new THREE.ConeGeometry(1, 1, 40, 1, true).rotateX(Math.PI).translate(0, 0.5, 0)), materials.plain(solid.tone, see));
+    object = new THREE.Mesh(shape("cone", () =>
+      new THREE.ConeGeometry(1, 1, 40, 1, true).rotateX(Math.PI).translate(0, 0.5, 0)),
+      materials.plain(solid.tone, see));
     const turn = new THREE.Quaternion().setFromUnitVectors(UP, vector(solid.along));
     object.matrix.compose(vector(solid.apex), turn, new THREE.Vector3(solid.radius, solid.length, solid.radius));
   } else if (solid.shape === "patch") object = patchObject(solid, materials, see);
@@ -147,7 +158,8 @@ function lineObject({ points, tone, wide = 1, dashed }, materials, reach) {
     if (long < 1e-6) continue;
     const parts = dashed ? Math.min(60, Math.max(2, Math.round(long / (0.03 * reach)))) : 1;
     for (let k = 0; k < parts; k++) {
-      const ends = [k / parts, (k + (dashed ? 0.5 : 1)) / parts].map((share) => /** @type {Vec} */ (from.clone().lerp(to, share).toArray()));
+      const ends = [k / parts, (k + (dashed ? 0.5 : 1)) / parts].map((share) =>
+        /** @type {Vec} */ (from.clone().lerp(to, share).toArray()));
       const mesh = new THREE.Mesh(cylinder(1, 8), material);
       rodMatrix({ shape: "rod", from: ends[0], to: ends[1], radius, tone }, mesh.matrix);
       mesh.matrixAutoUpdate = false;
@@ -179,7 +191,8 @@ void main() {
 const PALE_FRAGMENT = "varying vec3 shade; void main() { gl_FragColor = vec4(shade, 1.0); }";
 
 /** @param {boolean} coarse */
-const paleRod = (coarse) => shape(`pale rod ${coarse}`, () => new THREE.CylinderGeometry(0.9, 1, 1, coarse ? 5 : 12, 1, true));
+const paleRod = (coarse) =>
+  shape(`pale rod ${coarse}`, () => new THREE.CylinderGeometry(0.9, 1, 1, coarse ? 5 : 12, 1, true));
 
 /**
  * Many pale arms at once: two instanced meshes, of rods and of balls, each instance in a colour of its own.
@@ -201,12 +214,14 @@ export class PaleArms {
     const matrix = new THREE.Matrix4(), colour = new THREE.Color();
     const geometries = { rod: paleRod(false), ball: shape("pale ball", () => new THREE.SphereGeometry(1, 12, 8)) };
     for (const kind of /** @type {const} */ (["rod", "ball"])) {
-      const list = arms.flatMap((arm) => arm.solids.filter((solid) => solid.shape === kind).map((solid) => ({ arm, solid })));
+      const list = arms.flatMap((arm) =>
+        arm.solids.filter((solid) => solid.shape === kind).map((solid) => ({ arm, solid })));
       if (!list.length) continue;
       const mesh = new THREE.InstancedMesh(geometries[kind], this.material, list.length);
       list.forEach(({ arm, solid }, i) => {
         if (solid.shape === "rod") rodMatrix(solid, matrix);
-        else if (solid.shape === "ball") matrix.makeScale(solid.radius, solid.radius, solid.radius).setPosition(...solid.at);
+        else if (solid.shape === "ball")
+          matrix.makeScale(solid.radius, solid.radius, solid.radius).setPosition(...solid.at);
         mesh.setMatrixAt(i, matrix);
         mesh.setColorAt(i, colour.set(arm.colour));
       });
@@ -248,4 +263,4 @@ export function meshGeometry({ vertices, faces }) {
 }
 
 /** @param {number[][]} rows 3 × 4 @param {THREE.Matrix4} into */
-export const poseMatrix = (rows, into) => into.set(...(/** @type {[number, number, number, number, number, number, number, number, number, number, number, number]} */ (rows.flat())), 0, 0, 0, 1);
+export const poseMatrix = (rows, into) => into.fromArray([...rows.flat(), 0, 0, 0, 1]).transpose();

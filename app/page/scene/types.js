@@ -29,6 +29,7 @@
  * @property {Vec[]|null} [beam] two points
  * @property {Vec[][]|null} [sights] lines to what is measured
  * @property {boolean} [reaches]
+ * @property {boolean} [blocked] the arm or a box is in the way of beam or sight
  * @property {string[]} [violations]
  * @property {number[]} [joints] of the posture, for the limits while a joint is dragged
  * @property {number[]} [counted] the same as the pendant counts
@@ -36,7 +37,10 @@
 
 /** @typedef {{name: string, min: Vec, max: Vec, touched?: boolean}} Box */
 /** @typedef {{link: number, vertices: Vec[], faces: number[][]}} LinkMesh */
-/** @typedef {{factor: number, items: {at: Vec, by: Vec, tone: import("./bodies.js").Tone}[]}} Vectors `by` is drawn `factor` times as long */
+/**
+ * @typedef {{factor: number, items: {at: Vec, by: Vec, tone: import("./bodies.js").Tone}[]}} Vectors `by` is drawn
+ *   `factor` times as long
+ */
 /** @typedef {{at: Vec, size: number, tone: import("./bodies.js").Tone}} Cloud a ball */
 
 /**
@@ -52,7 +56,10 @@
  * @property {Cloud[]} [clouds]
  */
 
-/** What a person may take hold of. @typedef {{target?: boolean, flange?: boolean, joints?: boolean, boxes?: boolean}} Tools */
+/**
+ * What a person may take hold of.
+ * @typedef {{target?: boolean, flange?: boolean, joints?: boolean, boxes?: boolean}} Tools
+ */
 /** What is held. @typedef {{kind: "target", name: string} | {kind: "flange"} | {kind: "box", index: number}} Held */
 /** @typedef {{position_mm: Vec, quaternion_wxyz: [number, number, number, number]|null}} FlangePose */
 

@@ -15,9 +15,13 @@ import { minus, plus, times } from "./vectors.js";
 /** @typedef {import("./types.js").Scene3D} Scene3D */
 /** @typedef {import("./types.js").ShownPosture} ShownPosture */
 /** @typedef {import("./labels.js").Label} Label */
-/** @typedef {{frames: Pick<ShownPosture, "skeleton"|"axes"|"links"|"tool"|"beam">[], period_s: number}} Motion there and back in a period */
+/**
+ * @typedef {{frames: Pick<ShownPosture, "skeleton"|"axes"|"links"|"tool"|"beam">[], period_s: number}} Motion there
+ *   and back in a period
+ */
 
 const MOST_PALE = 150; // postures that are drawn beside the chosen one
+const THIN = 0.3; // of a full arm's thickness
 const FIELD = 28; // degrees, upright
 const FIRST = { azimuth: -62, elevation: 20 };
 const SLOW_MS = 40; // a frame that takes longer is drawn coarser while the view moves
@@ -26,7 +30,8 @@ const COARSE = 0.5;
 const OVER_HEAD = 0.002; // rad from the vertical, where the view would have no side that is up
 
 /** @param {unknown[]|null} before @param {unknown[]} now */
-const same = (before, now) => before !== null && before.length === now.length && now.every((value, i) => value === before[i]);
+const same = (before, now) =>
+  before !== null && before.length === now.length && now.every((value, i) => value === before[i]);
 
 export class View {
   /**
@@ -39,7 +44,8 @@ export class View {
     this.overlay = overlay;
     this.acts = acts;
     this.pen = /** @type {CanvasRenderingContext2D} */ (overlay.getContext("2d"));
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, alpha: false, powerPreference: "high-performance" });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, alpha: false,
+      powerPreference: "high-performance" });
     this.renderer.autoClear = false;
     this.renderer.info.autoReset = false;
     this.camera = new THREE.PerspectiveCamera(FIELD, 1, 1, 1e5);
@@ -48,7 +54,8 @@ export class View {
     this.behind = new THREE.Scene();
     this.front = new THREE.Scene();
     this.pale = new PaleArms();
-    this.parts = { floor: new THREE.Group(), lines: new THREE.Group(), arm: new THREE.Group(), mesh: new THREE.Group(), marks: new THREE.Group(), more: new THREE.Group(), arc: new THREE.Group() };
+    this.parts = { floor: new THREE.Group(), lines: new THREE.Group(), arm: new THREE.Group(), mesh: new THREE.Group(),
+      marks: new THREE.Group(), more: new THREE.Group(), arc: new THREE.Group() };
     this.behind.add(this.parts.floor, this.parts.lines, this.pale.group);
     this.front.add(this.parts.arm, this.parts.mesh, this.parts.marks, this.parts.more, this.parts.arc);
     this.lights = [this.behind, this.front].map((scene) => this.light(scene));
@@ -56,6 +63,7 @@ export class View {
     this.scene = null;
     /** @type {number|null} */
     this.chosen = null;
+    this.ghosts = false;
     /** @type {Motion|null} */
     this.motion = null;
     /** @type {import("./types.js").LinkMesh[]|undefined} */
@@ -73,7 +81,8 @@ export class View {
     this.times = [];
     this.grips = new Grips(this);
     this.orbit = new OrbitControls(this.camera, canvas);
-    Object.assign(this.orbit, { enableDamping: false, screenSpacePanning: true, zoomToCursor: true, zoomSpeed: 1.4, minPolarAngle: OVER_HEAD, maxPolarAngle: Math.PI - OVER_HEAD });
+    Object.assign(this.orbit, { enableDamping: false, screenSpacePanning: true, zoomToCursor: true, zoomSpeed: 1.4,
+      minPolarAngle: OVER_HEAD, maxPolarAngle: Math.PI - OVER_HEAD });
     this.orbit.addEventListener("change", () => this.viewed());
     this.orbit.addEventListener("end", () => this.settle());
     this.dark = matchMedia("(prefers-color-scheme: dark)");
@@ -105,11 +114,15 @@ export class View {
 
   // ── what is shown ───────────────────────────────────────────────────────────────────────────
 
-  /** @param {Scene3D} scene @param {number|null} chosen @param {import("./types.js").Tools} tools @param {Motion|null} motion */
-  show(scene, chosen, tools, motion) {
+  /**
+   * @param {Scene3D} scene @param {number} chosen @param {boolean} ghosts whether the other postures are shown
+   * @param {import("./types.js").Tools} tools @param {Motion|null} motion
+   */
+  show(scene, chosen, ghosts, tools, motion) {
     const anew = !this.scene || this.scene.of !== scene.of, unmeshed = !this.scene?.meshes;
     this.scene = scene;
-    this.chosen = chosen !== null && scene.postures[chosen] ? chosen : null;
+    this.chosen = scene.postures[chosen] ? chosen : null;
+    this.ghosts = ghosts;
     this.grips.tools = tools;
     if (anew) this.grips.hold(null);
     if (anew || (unmeshed && scene.meshes)) this.fit(); // meshes come later, and reach farther than the joints
@@ -127,7 +140,7 @@ export class View {
     return this.scene && this.chosen !== null ? this.scene.postures[this.chosen] : null;
   }
 
-  /** @param {Pick<ShownPosture, "skeleton"|"axes"|"links"|"tool"|"beam"|"sights"|"reaches">|null} posture */
+  /** @param {Pick<ShownPosture, "skeleton"|"axes"|"links"|"tool"|"beam"|"sights"|"reaches"|"blocked">|null} posture */
   drawArm(posture) {
     const { arm, mesh } = this.parts, scene = this.scene;
     emptied(arm);
@@ -138,11 +151,16 @@ export class View {
     const solids = meshed ? [] : armBodies(posture, scene.reach, { below: scene.arm.mounting.below_base_mm, kinds });
     const flange = /** @type {Vec} */ (posture.skeleton.at(-1));
     solids.push(...toolBodies(flange, posture.tool, posture.beam, scene.reach), ...lineBodies(posture));
-    if (posture.beam && posture.reaches !== false) solids.push({ shape: "ball", at: posture.beam[1], radius: 0.005 * scene.reach, tone: "identified" });
+    if (posture.beam && posture.reaches !== false) {
+      solids.push({ shape: "ball", at: posture.beam[1], radius: 0.005 * scene.reach, tone: "identified" });
+    }
     for (const solid of solids) arm.add(solidObject(solid, this.materials, scene.reach));
   }
 
-  /** The links of a URDF where they are; whether there are any. @param {Scene3D} scene @param {Pick<ShownPosture, "links">} posture */
+  /**
+   * The links of a URDF where they are; whether there are any.
+   * @param {Scene3D} scene @param {Pick<ShownPosture, "links">} posture
+   */
   drawMeshes(scene, posture) {
     const { mesh } = this.parts;
     if (this.meshes !== scene.meshes) {
@@ -167,24 +185,30 @@ export class View {
 
   /** The other postures: the nearer to the chosen one, the stronger. @param {Scene3D} scene */
   drawPale(scene) {
-    const others = scene.postures.map((posture, index) => ({ posture, index })).filter(({ index }) => index !== this.chosen);
+    const all = scene.postures.map((posture, index) => ({ posture, index }));
+    const others = this.ghosts || this.chosen === null ? all.filter(({ index }) => index !== this.chosen) : [];
     const key = [this.chosen, scene.reach, ...others.map(({ posture }) => posture)];
     if (same(this.shownPale, key)) return;
     this.shownPale = key;
     const own = this.posture(), { colours } = this, kinds = scene.arm.joints.map((joint) => joint.kind);
-    const every = Math.max(1, others.length / MOST_PALE), drawn = others.filter((_, i) => Math.floor(i / every) !== Math.floor((i - 1) / every));
+    const every = Math.max(1, others.length / MOST_PALE);
+    const drawn = others.filter((_, i) => Math.floor(i / every) !== Math.floor((i - 1) / every));
     this.pale.show(drawn.map(({ posture, index }) => {
       const near = own ? Math.max(0, 1 - postureDistance(posture, own) / (0.6 * scene.reach)) : 0.6;
       const broken = posture.reaches === false || Boolean(posture.violations?.length);
       const tone = broken ? mixed(colours.link, colours.weak, 0.55) : colours.link;
-      return { index, solids: armBodies(posture, 0.72 * scene.reach, { kinds, plain: true }), colour: mixed(colours.panel, tone, own ? 0.2 + 0.3 * near : 0.7) };
+      const solids = armBodies(posture, THIN * scene.reach, { kinds, plain: true });
+      return { index, solids, colour: mixed(colours.panel, tone, own ? 0.35 + 0.4 * near : 0.7) };
     }));
     const { lines } = this.parts;
     for (const child of lines.children) if (child instanceof THREE.LineSegments) child.geometry.dispose();
     lines.clear();
     const see = own ? 0.28 : 0.6;
-    for (const [reached, tone] of /** @type {const} */ ([[true, "identified"], [false, "weak"]])) {
-      const beams = drawn.filter(({ posture }) => (posture.reaches !== false) === reached).flatMap(({ posture }) => [...(posture.beam ? [posture.beam] : []), ...(posture.sights || [])]);
+    const toneOf = (/** @type {ShownPosture} */ posture) =>
+      (posture.blocked ? "misfit" : posture.reaches === false ? "weak" : "identified");
+    for (const tone of /** @type {const} */ (["identified", "weak", "misfit"])) {
+      const beams = drawn.filter(({ posture }) => toneOf(posture) === tone)
+        .flatMap(({ posture }) => [...(posture.beam ? [posture.beam] : []), ...(posture.sights || [])]);
       if (beams.length) lines.add(thinLines(beams, this.materials.line(tone, see)));
     }
   }
@@ -197,7 +221,8 @@ export class View {
     emptied(marks);
     for (const mark of scene.marks) {
       const group = new THREE.Group();
-      for (const solid of markBodies(mark, scene.reach, floorOf(scene))) group.add(solidObject(solid, this.materials, scene.reach));
+      for (const solid of markBodies(mark, scene.reach, floorOf(scene))) group.add(solidObject(solid, this.materials,
+        scene.reach));
       group.userData.target = mark.name;
       marks.add(group);
     }
@@ -213,24 +238,30 @@ export class View {
     const { more } = this.parts, { vectors, clouds = [] } = scene;
     emptied(more);
     for (const { at, by, tone } of vectors?.items || []) {
-      const drawn = times(by, /** @type {import("./types.js").Vectors} */ (vectors).factor), long = Math.hypot(...drawn);
+      const drawn = times(by, /** @type {import("./types.js").Vectors} */ (vectors).factor);
+      const long = Math.hypot(...drawn);
       if (long < 1e-6) continue;
-      const radius = 0.004 * scene.reach, end = plus(at, drawn), head = Math.min(0.45 * long, 6 * radius), neck = minus(end, times(drawn, head / long));
+      const radius = 0.004 * scene.reach, end = plus(at, drawn), head = Math.min(0.45 * long, 6 * radius);
+      const neck = minus(end, times(drawn, head / long));
       more.add(solidObject({ shape: "rod", from: at, to: neck, radius, tone }, this.materials, scene.reach));
-      more.add(solidObject({ shape: "rod", from: neck, to: end, radius: 2.6 * radius, tip: 0.02 * radius, tone }, this.materials, scene.reach));
+      more.add(solidObject({ shape: "rod", from: neck, to: end, radius: 2.6 * radius, tip: 0.02 * radius, tone },
+        this.materials, scene.reach));
     }
-    for (const { at, size, tone } of clouds) more.add(solidObject({ shape: "ball", at, radius: size, tone }, this.materials, scene.reach));
+    for (const { at, size, tone } of clouds) more.add(solidObject({ shape: "ball", at, radius: size, tone },
+      this.materials, scene.reach));
   }
 
   /** @param {Scene3D} scene @param {Vec[]} points */
   drawFloor(scene, points) {
-    const { floor } = this.parts, low = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.min(...points.map((p) => p[i])))), high = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.max(...points.map((p) => p[i]))));
+    const { floor } = this.parts, low = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.min(...points.map((p) => p[i]))));
+    const high = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.max(...points.map((p) => p[i]))));
     for (const child of floor.children) if (child instanceof THREE.LineSegments) child.geometry.dispose();
     emptied(floor);
     floor.add(thinLines(floorLines(low, high, scene.reach, floorOf(scene)), this.materials.line("line")));
     this.axis = 0.22 * scene.reach;
     for (const axis of /** @type {Vec[]} */ ([[1, 0, 0], [0, 1, 0], [0, 0, 1]]))
-      floor.add(solidObject({ shape: "line", points: [[0, 0, 0], times(axis, this.axis)], tone: "muted", wide: 1.6 }, this.materials, scene.reach));
+      floor.add(solidObject({ shape: "line", points: [[0, 0, 0], times(axis, this.axis)], tone: "muted", wide: 1.6 },
+        this.materials, scene.reach));
   }
 
   // ── motion ──────────────────────────────────────────────────────────────────────────────────
@@ -248,7 +279,8 @@ export class View {
   advance(now) {
     const { motion } = this;
     if (!motion || this.still.matches) return;
-    const phase = ((now - (this.started || 0)) / 1000 / motion.period_s) % 1, there = phase < 0.5 ? 2 * phase : 2 - 2 * phase;
+    const phase = ((now - (this.started || 0)) / 1000 / motion.period_s) % 1;
+    const there = phase < 0.5 ? 2 * phase : 2 - 2 * phase;
     const eased = (1 - Math.cos(Math.PI * there)) / 2;
     this.drawArm(motion.frames[Math.round(eased * (motion.frames.length - 1))]);
     this.invalidate();
@@ -262,13 +294,18 @@ export class View {
     if (!scene) return [[0, 0, 0]];
     const points = extent(scene), links = this.posture()?.links;
     if (links) for (const { link, vertices } of (scene.meshes || []).filter((one) => links[one.link])) {
-      const { min, max } = new THREE.Box3().setFromArray(vertices.flat()).applyMatrix4(poseMatrix(links[link], new THREE.Matrix4()));
+      const { min,
+        max } = new THREE.Box3().setFromArray(vertices.flat())
+          .applyMatrix4(poseMatrix(links[link], new THREE.Matrix4()));
       points.push(...boxCorners({ min: /** @type {Vec} */ (min.toArray()), max: /** @type {Vec} */ (max.toArray()) }));
     }
     return points;
   }
 
-  /** The view in which all fits in, from where it is looked now; at first from the side. @param {{azimuth: number, elevation: number}} [from] */
+  /**
+   * The view in which all fits in, from where it is looked now; at first from the side.
+   * @param {{azimuth: number, elevation: number}} [from]
+   */
   fit(from) {
     if (!this.scene || !this.wide) { this.unfitted = true; return; }
     const points = this.points(), margin = 0.06 * this.scene.reach;
@@ -277,7 +314,9 @@ export class View {
     this.drawFloor(this.scene, points);
     const centre = low.clone().add(high).multiplyScalar(0.5);
     const { azimuth, elevation } = from || (this.unfitted === false ? this.angles() : FIRST);
-    const a = THREE.MathUtils.degToRad(azimuth), e = THREE.MathUtils.clamp(THREE.MathUtils.degToRad(elevation), OVER_HEAD - Math.PI / 2, Math.PI / 2 - OVER_HEAD);
+    const a = THREE.MathUtils.degToRad(azimuth);
+    const e = THREE.MathUtils.clamp(THREE.MathUtils.degToRad(elevation), OVER_HEAD - Math.PI / 2,
+      Math.PI / 2 - OVER_HEAD);
     const towards = new THREE.Vector3(Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e));
     const right = new THREE.Vector3(-Math.sin(a), Math.cos(a), 0), up = towards.clone().cross(right);
     const tall = Math.tan(THREE.MathUtils.degToRad(FIELD / 2)) * 0.88, broad = tall * (this.wide / this.high);
@@ -289,7 +328,9 @@ export class View {
       const move = right.clone().multiplyScalar(shift[0]).add(up.clone().multiplyScalar(shift[1]));
       centre.add(move);
       for (const way of ways) way.sub(move);
-      far = Math.max(...ways.map((way) => Math.max((Math.abs(way.dot(right)) + margin) / broad, (Math.abs(way.dot(up)) + margin) / tall) + way.dot(towards)));
+      far = Math.max(...ways.map((way) =>
+        Math.max((Math.abs(way.dot(right)) + margin) / broad, (Math.abs(way.dot(up)) + margin) / tall)
+          + way.dot(towards)));
       this.far = far;
     }
     this.orbit.target.copy(centre);
@@ -302,7 +343,8 @@ export class View {
   /** From where it is looked, degrees. */
   angles() {
     const way = this.camera.position.clone().sub(this.orbit.target).normalize();
-    return { azimuth: THREE.MathUtils.radToDeg(Math.atan2(way.y, way.x)), elevation: THREE.MathUtils.radToDeg(Math.asin(Math.max(-1, Math.min(1, way.z)))) };
+    return { azimuth: THREE.MathUtils.radToDeg(Math.atan2(way.y, way.x)),
+      elevation: THREE.MathUtils.radToDeg(Math.asin(Math.max(-1, Math.min(1, way.z)))) };
   }
 
   /** @param {number} azimuth @param {number} elevation degrees to turn by */
@@ -392,8 +434,8 @@ export class View {
     renderer.clearDepth();
     renderer.render(this.front, camera);
     this.drawNames();
-    const turn = camera.matrixWorldInverse.elements;
-    this.acts.turned?.(`matrix3d(${[turn[0], -turn[1], turn[2], 0, turn[4], -turn[5], turn[6], 0, turn[8], -turn[9], turn[10], 0, 0, 0, 0, 1].map((v) => v.toFixed(5)).join(",")})`);
+    const turn = new THREE.Matrix4().extractRotation(camera.matrixWorldInverse).elements; // of CSS, whose y goes down
+    this.acts.turned?.(`matrix3d(${turn.map((v, i) => (i % 4 === 1 ? -v : v).toFixed(5)).join(",")})`);
   }
 
   /** Where a point is on the picture, px; null behind the eye. @param {Vec} p */
@@ -409,10 +451,18 @@ export class View {
     const words = { undetermined: ": not determined", held: ": held" };
     return [
       ...this.grips.names(),
-      ...scene.marks.map((mark) => ({ at: mark.at, text: mark.name + (words[/** @type {"held"} */ (mark.state)] || ""), tone: colours[markTone(mark)], rank: 1, bold: true })),
-      ...(scene.boxes || []).map((box) => ({ at: /** @type {Vec} */ (box.min.map((v, i) => (v + box.max[i]) / 2)), text: box.name + (box.touched ? ": touched" : ""), tone: box.touched ? colours.unidentifiable : colours.muted, rank: 2, bold: true })),
-      ...(own && !this.motion ? jointLabels(own.skeleton).map(({ at, text }) => ({ at, text, tone: colours.ink, rank: 3, bold: true })) : []),
-      ...["x", "y", "z"].map((text, i) => ({ at: /** @type {Vec} */ ([0, 1, 2].map((k) => (k === i ? this.axis || 0 : 0))), text, tone: colours.muted, rank: 4 })),
+      ...scene.marks.map((mark) =>
+        ({ at: mark.at, text: mark.name + (words[/** @type {"held"} */ (mark.state)] || ""),
+          tone: colours[markTone(mark)], rank: 1, bold: true })),
+      ...(scene.boxes || []).map((box) =>
+        ({ at: /** @type {Vec} */ (box.min.map((v, i) => (v + box.max[i]) / 2)),
+          text: box.name + (box.touched ? ": touched" : ""), tone: box.touched ? colours.unidentifiable : colours.muted,
+          rank: 2, bold: true })),
+      ...(own && !this.motion
+        ? jointLabels(own.skeleton).map(({ at, text }) => ({ at, text, tone: colours.ink, rank: 3, bold: true })) : []),
+      ...["x", "y", "z"].map((text, i) =>
+        ({ at: /** @type {Vec} */ ([0, 1, 2].map((k) => (k === i ? this.axis || 0 : 0))), text, tone: colours.muted,
+          rank: 4 })),
     ];
   }
 

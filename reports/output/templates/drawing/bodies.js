@@ -143,11 +143,15 @@ export function toolBodies(flange, tool, beam, reach) {
   return solids;
 }
 
-/** The lines of light and sight. @param {{beam?: Vec[]|null, sights?: Vec[][]|null, reaches?: boolean}} posture @returns {Line[]} */
-export function lineBodies({ beam, sights, reaches = true }) {
+/**
+ * The lines of light and sight; red where something is in the way of them.
+ * @param {{beam?: Vec[]|null, sights?: Vec[][]|null, reaches?: boolean, blocked?: boolean}} posture @returns {Line[]}
+ */
+export function lineBodies({ beam, sights, reaches = true, blocked = false }) {
+  const free = blocked ? "misfit" : "identified";
   /** @type {Line[]} */
-  const lines = (sights || []).map((points) => ({ shape: "line", points, tone: "identified", wide: 1 }));
-  if (beam) lines.push({ shape: "line", points: beam, tone: reaches ? "identified" : "weak", wide: 1.6, dashed: !reaches });
+  const lines = (sights || []).map((points) => ({ shape: "line", points, tone: free, wide: 1 }));
+  if (beam) lines.push({ shape: "line", points: beam, tone: reaches ? free : "weak", wide: 1.6, dashed: !reaches });
   return lines;
 }
 
