@@ -34,7 +34,7 @@ def in_frame(tab: Tab) -> Tab:
 
 
 @pytest.mark.long
-def test_in_the_frame_of_the_page(server: App) -> None:
+def test_in_the_frame_of_the_page_and_in_a_tab_of_its_own(server: App) -> None:
     with chromium().opened(server.address) as tab:
         wait(tab, "document.querySelector('.brand[aria-current]')")
         assert tab.value("location.href") == root(server.address)  # the token has left the address
@@ -52,10 +52,7 @@ def test_in_the_frame_of_the_page(server: App) -> None:
         assert tab.console == []
         in_frame(tab).value(FOLLOW.format(1))  # the control: what needs the cookie is refused
         wait(in_frame(tab), "document.body?.textContent.includes('a token is needed')")
-
-
-@pytest.mark.long
-def test_in_a_tab_of_its_own(server: App) -> None:
+    # And in a tab of its own.
     with chromium().opened(server.address) as tab:
         wait(tab, "document.querySelector('.brand[aria-current]')")
         tab.reload()

@@ -89,22 +89,6 @@ def unbroken(folder: Path, plan: str) -> bytes:
     return (folder / "unbroken.jsonl").read_bytes()
 
 
-@pytest.mark.long
-def test_time_left_is_a_bound_where_it_is_one(server: App) -> None:
-    cases = {
-        ("false", "null"): "about 12 s left.",
-        ("true", "null"): "at least 12 s left.",
-        ("false", "0.1"): "at most 12 s left.",
-        ("true", "0.1"): "about 12 s left.",
-    }
-    with chromium().opened(server.address, LAPTOP) as tab:
-        for (stalled, tolerance), words in cases.items():
-            job = f"{{state: 'running', left_s: 12, left_at_least: {stalled}}}"
-            run = f"{{recorded: [1], refused: [], postures: 7, rig: 'simulated', tolerance: {tolerance}}}"
-            told = tab.value(f"import('/page/measure/running.js').then((m) => m.progress({job}, {run}))")
-            assert told == f"1 measurement recorded, of 7 planned; {words}"
-
-
 def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> None:
     with measure(server, "two.yaml") as tab:
         start(tab)

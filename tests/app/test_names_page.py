@@ -77,30 +77,18 @@ def step(name: str) -> str:
     return f"job/{quote(NAME)}/{name}"
 
 
-def test_home(address: str) -> None:
+def test_every_view_shows_it_as_it_is(address: str) -> None:
     with view(address, "") as tab:
         wait(tab, "document.querySelector('.calibrations li')")
-
-
-def test_import(address: str) -> None:
     with view(address, f"import/{quote(f'{NAME}/{TABLE}')}") as tab:
         header = "document.querySelector('select[aria-label=\"Header or plan\"]')"
         wait(tab, header)
         give(tab, header, f"{NAME}/{PLAN}")
         wait(tab, "document.querySelector('.mapper tbody tr')")
-
-
-def test_cell(address: str) -> None:
     with view(address, step("cell")) as tab:
         wait(tab, "document.querySelector('.inspector input')")
-
-
-def test_plan(address: str) -> None:
     with view(address, step("plan")) as tab:
         wait(tab, "document.querySelector('.determined tbody tr')")
-
-
-def test_result(address: str) -> None:
     with view(address, step("result")) as tab:
         wait(tab, "document.querySelectorAll('.measurements tbody tr').length === 7")
         tab.value("document.querySelectorAll('.fold > summary').forEach((e) => e.click())")

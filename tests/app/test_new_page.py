@@ -50,43 +50,26 @@ def at_point(tab: Tab, *values: str) -> None:
         fill(tab, f"Target {axis}, mm", value)
 
 
-def test_a_number_that_is_refused_or_missing_makes_nothing(folder: Path, tab: Tab) -> None:
+def test_what_is_wrong_makes_nothing_and_a_name_is_written_anew_and_taken(folder: Path, tab: Tab) -> None:
+    """A refused number, a missing one, how the laser is mounted, a name that is taken."""
     title = "Name, serial number, number of measurements"
     tab.on(lambda page: page.get_by_text(title).click())
     fill(tab, "Measurements", "1,234")
     tab.on(lambda page: page.get_by_text(title).click())
     make(tab)
     wait(tab, f"({ALERT}).startsWith('Measurements: allowed')")
-    fill(tab, "Measurements", "")
+    fill(tab, "Measurements", "4")
     at_point(tab, "500,5")
     make(tab)
     wait(tab, f"({ALERT}).startsWith('Target y, mm: a number is missing')")
     assert list(folder.iterdir()) == []
-
-
-def test_how_the_laser_is_mounted_is_said_and_changed(tab: Tab) -> None:
+    tab.on(lambda page: page.get_by_label("On a stand in front of the arm").check())
     assert "Assumed on the flange: point (0, 0, 65)" in tab.text
     tab.on(lambda page: page.get_by_text("Mounted otherwise").click())
     fill(tab, "Point z, mm", "80,5")
     assert "On the flange: point (0, 0, 80.5)" in tab.text
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("x", "why"), [("5000", "too few postures"), ("0", "put the target elsewhere")])
-def test_why_there_is_no_plan_is_said_and_nothing_is_left(folder: Path, tab: Tab, x: str, why: str) -> None:
-    at_point(tab, x, "0", "0")
-    make(tab)
-    wait(tab, "document.querySelector('.new > .lines li')", 180)
-    assert why in tab.text
-    assert "Nothing is left in the folder" in tab.text
-    assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
-
-
-def test_a_name_that_is_refused_is_written_anew_and_taken(folder: Path, tab: Tab) -> None:
     (folder / "taken").mkdir()
-    tab.on(lambda page: page.get_by_text("Name, serial number, number of measurements").click())
     fill(tab, "Name of the calibration", "taken")
-    fill(tab, "Measurements", "4")
     make(tab)
     wait(tab, f"({REFUSED})?.includes('there is a folder of this name')")
     make(tab)  # the same again is refused by the server, not by the page
@@ -96,3 +79,13 @@ def test_a_name_that_is_refused_is_written_anew_and_taken(folder: Path, tab: Tab
     wait(tab, "!document.querySelector('[aria-invalid=true]')")
     make(tab)
     wait(tab, "location.hash.startsWith('#/job/free/plan')", 180)
+
+
+@pytest.mark.long
+def test_why_there_is_no_plan_is_said_and_nothing_is_left(folder: Path, tab: Tab) -> None:
+    for x, why in (("5000", "too few postures"), ("0", "put the target elsewhere")):
+        at_point(tab, x, "0", "0")
+        make(tab)
+        wait(tab, f"document.querySelector('.new > .lines')?.textContent.includes({why!r})", 180)
+        assert "Nothing is left in the folder" in tab.text
+        assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []

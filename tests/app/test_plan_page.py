@@ -219,19 +219,19 @@ def test_a_joint_is_turned_in_the_picture_and_undone(tab: Tab) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["x", "optimal"])
-def test_a_plan_is_made_and_opened(folder: Path, tab: Tab, kind: str) -> None:
+def test_plans_are_made_and_opened(folder: Path, tab: Tab) -> None:
     unfold(tab, "Make another plan")
-    choose(tab, "Kind", kind)
-    fill(tab, "Measurements", "6")
-    fill(tab, "New file", f"cell/{kind}.yaml")
-    if kind == "optimal":
-        unfold(tab, "Constraints and search")
-        fill(tab, "Candidates", "300")
-    press(tab, "Make the plan")
-    wait(tab, f"location.hash.endsWith('/plan/cell/{kind}.yaml') && {CHECKED}", 180)
-    assert len(yaml.safe_load((folder / "cell" / f"{kind}.yaml").read_text())["postures_deg"]) == 8
-    assert "8 measurements" in tab.text
+    for kind in ("x", "optimal"):
+        choose(tab, "Kind", kind)
+        fill(tab, "Measurements", "6")
+        fill(tab, "New file", f"cell/{kind}.yaml")
+        if kind == "optimal":
+            unfold(tab, "Constraints and search")
+            fill(tab, "Candidates", "300")
+        press(tab, "Make the plan")
+        wait(tab, f"location.hash.endsWith('/plan/cell/{kind}.yaml') && {CHECKED}", 180)
+        assert len(yaml.safe_load((folder / "cell" / f"{kind}.yaml").read_text())["postures_deg"]) == 8
+        assert "8 measurements" in tab.text
 
 
 @pytest.mark.long
@@ -264,37 +264,3 @@ def test_the_meshes_of_a_urdf_are_drawn(folder: Path, address: str) -> None:
         assert struct.unpack(">II", drawn[16:24]) == struct.unpack(">II", bare[16:24])
         assert drawn != bare
         assert tab.console == []
-
-
-def test_what_is_measured_again_follows_its_posture(folder: Path, tab: Tab) -> None:
-    """Through edits of joints, of the order, and where a posture is removed; by the content of the page."""
-    module = "import('/page/core/editing.js')"
-    joints = "[1, 2, 3, 4, 5, 6].map((v) => v * 10)"
-    tab.value(
-        f"{module}.then((m) => m.change(null, (plan) => {{"
-        " const first = plan.postures_deg[0], second = plan.postures_deg[1];"
-        " const row = (joints_deg, again) => ({ joints_deg: [...joints_deg], target: 'psd', again });"
-        " plan.postures_deg.push(row(first, 0), row(second, 1)); }))"
-    )
-    # Its posture is turned, and another is put before it.
-    tab.value(
-        f"{module}.then((m) => m.change(null, (plan) => {{ plan.postures_deg[0].splice(0, 6, "
-        f"...{joints}); }}))"
-    )
-    tab.value(
-        f"{module}.then((m) => m.change(null, (plan) => {{"
-        " plan.postures_deg.unshift(plan.postures_deg.splice(6, 1)[0]); }))"
-    )
-    rows = tab.value(CONTENT)["postures_deg"]
-    assert [row["again"] for row in rows[7:]] == [1, 2]
-    assert rows[7]["joints_deg"] == rows[1] == [10, 20, 30, 40, 50, 60]
-    wait(tab, f"{CHECKED} && document.querySelector('.pending') === null")
-    # It is turned itself, and what the other repeats is removed: both are postures of their own.
-    tab.value(
-        f"{module}.then((m) => m.change(null, (plan) => {{ plan.postures_deg[7].joints_deg[0] += 5; }}))"
-    )
-    tab.value(f"{module}.then((m) => m.change(null, (plan) => {{ plan.postures_deg.splice(2, 1); }}))")
-    rows = tab.value(CONTENT)["postures_deg"]
-    assert all("again" not in row for row in rows[6:])
-    press(tab, "Undo")
-    assert tab.value(CONTENT)["postures_deg"][8]["again"] == 2

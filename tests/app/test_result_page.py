@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
 from app_page import SCREENS, app, give, root, wait
@@ -75,7 +76,7 @@ def quick(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 @pytest.mark.long
-def test_a_measurement_is_left_out_and_taken_back(quick: str, reported: Path) -> None:
+def test_a_result_is_looked_at_without_a_measurement_and_taken_away(quick: str, reported: Path) -> None:
     stated = json.loads((reported / "good/result.json").read_text())
     with result(quick, "good") as tab:
         assert tab.value("location.hash") == "#/job/good/result"
@@ -94,6 +95,17 @@ def test_a_measurement_is_left_out_and_taken_back(quick: str, reported: Path) ->
         assert tab.value(cell("delta2", ".refit")) == "not determined"
         tab.value(f"{button('Leave none out')}.click()")
         wait(tab, "!document.querySelector('.without')")
+        # The report opens alone, and everything can be taken away.
+        assert tab.value("document.querySelector('iframe')") is None
+        assert tab.value("document.querySelector('a.report').target") == "_blank"
+        unfold(tab, "Files")
+        links = "[...document.querySelectorAll('.downloads a, a.report')]"
+        sizes = tab.value(
+            f"Promise.all({links}.map((a) => fetch(a.href).then((r) => (r.ok ? r.arrayBuffer()"
+            " : new ArrayBuffer(0))).then((b) => b.byteLength)))"
+        )
+        assert len(sizes) > 6
+        assert min(sizes) >= 10  # the pages of this report are stubs
         assert problems(tab) == []
 
 
@@ -107,10 +119,7 @@ ENDMODULE
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("how", ["files", "folder", "zip"])
-def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(
-    quick: str, tmp_path: Path, how: str
-) -> None:
+def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(quick: str, tmp_path: Path) -> None:
     backup = tmp_path / "Cell 7"
     (backup / "TASK1").mkdir(parents=True)
     files = [backup / "TASK1" / f"{name}.mod" for name in "AB"]
@@ -118,29 +127,30 @@ def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(
         path.write_text(MODULE.format(path.stem, number))
     (backup / "photo.png").write_bytes(b"no program")
     archive = Path(shutil.make_archive(str(tmp_path / "sent"), "zip", backup))
-    sent, name = {
-        "files": (files, "programs"),
-        "folder": (backup, "Cell 7"),
-        "zip": (archive, "sent"),
-    }[how]
+    one, many = "[webkitdirectory]", ":not([webkitdirectory])"
+    ways: list[tuple[str, Any, str]] = [
+        (many, files, "programs"),
+        (one, backup, "Cell 7"),
+        (many, archive, "sent"),
+    ]
     inputs = "form.program input[type=file]"
+    links = "[...document.querySelectorAll('form.program a[download]')].map((a) => a.textContent)"
     with result(quick, "good") as tab:
         unfold(tab, "My programs")
         wait(tab, f"document.querySelector({inputs!r})?.accept.includes('.mod')")
-        field = f"{inputs}{'[webkitdirectory]' if how == 'folder' else ':not([webkitdirectory])'}"
-        tab.on(lambda frame: frame.page.set_input_files(field, sent))
-        wait(tab, f"document.querySelector('.program select').value === 'good/{name}.zip'")
-        tab.value(f"{button('Convert the positions')}.click()")
-        links = "[...document.querySelectorAll('form.program a[download]')].map((a) => a.textContent)"
-        wait(tab, f"{links}.some((text) => text.includes('B.mod'))", 120)
-        assert tab.value(links) == [
-            f"Download {one}" for one in ("positions.html", "audit.json", "A.mod", "B.mod")
-        ]
+        for which, sent, name in ways:
+            tab.on(lambda frame, which=which, sent=sent: frame.page.set_input_files(inputs + which, sent))
+            wait(tab, f"document.querySelector('.program select').value === 'good/{name}.zip'")
+            wait(tab, f"{links}.length === 0")
+            tab.value(f"{button('Convert the positions')}.click()")
+            wait(tab, f"{links}.some((text) => text.includes('B.mod'))", 120)
+            written = ("positions.html", "audit.json", "A.mod", "B.mod")
+            assert tab.value(links) == [f"Download {each}" for each in written]
         assert problems(tab) == []
 
 
 @pytest.mark.long
-def test_what_is_not_determined_has_no_number_and_no_value_to_enter(quick: str) -> None:
+def test_what_is_not_determined_has_no_number_and_what_is_no_result_is_an_error(quick: str) -> None:
     with result(quick, "x-pattern") as tab:
         assert "degenerate" in tab.value(WORD)
         assert tab.value(cell("delta2", ".u")) == "not determined"
@@ -152,11 +162,8 @@ def test_what_is_not_determined_has_no_number_and_no_value_to_enter(quick: str) 
         give(tab, "document.querySelector('.ranges input')", "9")
         wait(tab, f"{CHOSEN}.includes('say nothing of the residuals')")
         assert tab.value(CHANGES) == []
-
-
-@pytest.mark.long
-def test_an_odd_file_is_one_clear_error(quick: str) -> None:
-    with chromium().opened(f"{quick}#/job/good/result/good/report/report.html") as tab:
+        # What is no result is one clear error.
+        tab.value("location.hash = '#/job/x-pattern/result/x-pattern/report/report.html'")
         wait(tab, "document.querySelector('.fault')?.textContent.includes('not a whole result')")
         assert tab.value("document.querySelector('.offsets')") is None
 
@@ -201,17 +208,15 @@ def address(folder: Path) -> Iterator[str]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["arm0", "odd"])
 @pytest.mark.parametrize("size", SCREENS)
-def test_it_loads_from_the_server_alone_and_leaves_nobody_out(address: str, size: str, name: str) -> None:
-    with result(address, name, size=SCREENS[size]) as tab:
-        tab.value("document.querySelectorAll('.fold > summary').forEach((e) => e.click())")
-        tab.value(f"{box(1)}.click()")
-        wait(tab, "document.querySelector('.without')")
-        assert tab.accessibility() == []
-        assert tab.overflow() == 0
-        assert problems(tab) == []
-        assert [url for url in tab.asked if not url.startswith((root(address), "blob:"))] == []
+def test_it_loads_from_the_server_alone_and_leaves_nobody_out(address: str, size: str) -> None:
+    for name in ("arm0", "odd"):
+        with result(address, name, size=SCREENS[size]) as tab:
+            tab.value("document.querySelectorAll('.fold > summary').forEach((e) => e.click())")
+            tab.value(f"{box(1)}.click()")
+            wait(tab, "document.querySelector('.without')")
+            assert (name, tab.accessibility(), tab.overflow(), problems(tab)) == (name, [], 0, [])
+            assert [url for url in tab.asked if not url.startswith((root(address), "blob:"))] == []
 
 
 @pytest.mark.long
@@ -223,8 +228,8 @@ def test_a_misfit_comes_first_and_offers_nothing(address: str, folder: Path) -> 
         assert "Enter nothing." in tab.text
         assert tab.value(cell("delta2", ".status")) == "▲ unvalidated"
         unfold(tab, "Export to a controller")
-        wait(tab, button("Export"))
-        tab.value(f"{button('Export')}.click()")
+        wait(tab, button("Export as moc"))
+        tab.value(f"{button('Export as moc')}.click()")
         wait(tab, "document.querySelector('.exports .job')?.textContent.includes('--unvalidated')", 60)
     assert {path.name for path in (folder / "odd").iterdir()} == {"run.jsonl", "report"}
 
@@ -289,21 +294,6 @@ def test_draws_are_chosen_and_the_residuals_follow(quick: str, by: str) -> None:
 
 
 @pytest.mark.long
-def test_the_report_opens_alone_and_everything_can_be_taken_away(quick: str) -> None:
-    with result(quick, "good") as tab:
-        assert tab.value("document.querySelector('iframe')") is None
-        assert tab.value("document.querySelector('a.report').target") == "_blank"
-        unfold(tab, "Files")
-        links = "[...document.querySelectorAll('.downloads a, a.report')]"
-        sizes = tab.value(
-            f"Promise.all({links}.map((a) => fetch(a.href).then((r) => (r.ok ? r.arrayBuffer()"
-            " : new ArrayBuffer(0))).then((b) => b.byteLength)))"
-        )
-        assert len(sizes) > 6
-        assert min(sizes) >= 10  # the pages of this report are stubs
-
-
-@pytest.mark.long
 def test_a_run_gets_its_report_also_after_a_reload_is_exported_and_compared(
     address: str, folder: Path
 ) -> None:
@@ -317,19 +307,21 @@ def test_a_run_gets_its_report_also_after_a_reload_is_exported_and_compared(
         assert tab.value("location.hash") == "#/job/arm2/result/arm2/run-report/result.json"
         assert (folder / "arm2/run-report/report.html").is_file()
         unfold(tab, "Export to a controller")
-        wait(tab, button("Export"))
-        forms = tab.value("[...document.querySelector('.exports select').options].map((o) => o.value)")
-        assert {"robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv"} <= {
-            *forms
-        }
-        assert forms[0] == "moc"  # of the arm's maker first
-        give(tab, "document.querySelector('.exports select')", "csv")
-        tab.value(f"{button('Export')}.click()")
+        shown = "[...document.querySelectorAll('.exports [name=format]')].map((one) => one.value)"
+        wait(tab, button("Export as moc"))
+        assert tab.value(shown) == ["moc", "rapid"]  # those of the arm's maker; the others are folded
+        unfold(tab, "Other formats")
+        wait(tab, f"{shown}.length > 2")
+        others = {"robot", "urdf", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv"}
+        assert others <= {*tab.value(shown)}
+        tab.value("document.querySelector('.exports [value=csv]').click()")
+        wait(tab, button("Export as csv"))
+        tab.value(f"{button('Export as csv')}.click()")
         wait(tab, "document.querySelector('.exports a')", 60)
         assert (folder / "arm2/run-csv.csv").is_file()
         unfold(tab, "Compare runs or results")
         boxes = "[...document.querySelectorAll('.choice-of input')]"
-        wait(tab, f"{boxes}.some((e) => e.value === {run!r})")
+        wait(tab, f"{boxes}.some((e) => e.closest('label').dataset.file === {run!r})")
         tab.value(f"{boxes}.slice(0, 2).forEach((e) => e.click())")
         wait(tab, f"{button('Compare')}.disabled === false")
         tab.value(f"{button('Compare')}.click()")

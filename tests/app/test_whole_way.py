@@ -49,7 +49,7 @@ def to_the_result(tab: Tab, walker: Walker) -> None:
 def exported(tab: Tab, walker: Walker) -> None:
     """The offsets for the controller of the arm's maker, which comes first."""
     walker.press("summary", "Export to a controller")
-    wait(tab, "document.querySelector('form.exports select')?.value === 'fanuc'")
+    wait(tab, "document.querySelector('form.exports [name=format]:checked')?.value === 'fanuc'")
     walker.press("button", "Export")
     wait(tab, "document.querySelector('form.exports a[download]')", _MINUTES)
 

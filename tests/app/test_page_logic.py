@@ -1,0 +1,99 @@
+"""What the page decides without a browser: numbers as typed, plans as edited, time left; run by Node."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from node import paged
+
+JOINTS = [[float(k + 10 * i) for k in range(6)] for i in range(7)]
+EDITED = """(() => {
+  m.plan.value = { robot: "irb1600", postures_deg: input };
+  const seen = [], now = () => structuredClone(m.plan.value.postures_deg);
+  const edit = (how) => { m.change(null, how); seen.push(now()); };
+  %s
+  return seen;
+})()"""
+
+
+def edited(folder: Path, *edits: str) -> list[Any]:
+    """The postures after each of some edits of a plan."""
+    rows: list[Any] = paged(folder, "core/editing.js", EDITED % "\n  ".join(edits), JOINTS)
+    return rows
+
+
+def test_numbers_are_read_as_meant_or_refused(tmp_path: Path) -> None:
+    texts = {
+        "0,5": 0.5, "0.5": 0.5, "-1,25": -1.25, "−3": -3, "1e-3": 0.001, " 12 ": 12, ",5": 0.5,
+        "0,123": 0.123, "1,234": None, "1.234,5": None, "1,234.5": None, "1 000": None, "": None,
+        "5°": None, "1,2,3": None,
+    }  # fmt: skip
+    lists = {"0, 0, 1": [0, 0, 1], "0,0,1": [0, 0, 1], "0,5; 1,5": [0.5, 1.5], "0.5 1": [0.5, 1], "1,x": None}
+    told = paged(
+        tmp_path,
+        "core/decimal.js",
+        "[input[0].map((one) => m.parsed(one)), input[1].map((one) => m.parsedList(one))]",
+        [list(texts), list(lists)],
+    )
+    assert dict(zip(texts, told[0], strict=True)) == texts
+    assert dict(zip(lists, told[1], strict=True)) == lists
+
+
+@pytest.mark.parametrize(
+    ("stalled", "tolerance", "words"),
+    [
+        (False, None, "about 12 s left."),
+        (True, None, "at least 12 s left."),
+        (False, 0.1, "at most 12 s left."),
+        (True, 0.1, "about 12 s left."),
+    ],
+)
+def test_time_left_is_a_bound_where_it_is_one(
+    tmp_path: Path, stalled: bool, tolerance: float | None, words: str
+) -> None:
+    job = {"state": "running", "left_s": 12, "left_at_least": stalled}
+    run = {"recorded": [1], "refused": [], "postures": 7, "rig": "simulated", "tolerance": tolerance}
+    told = paged(tmp_path, "measure/running.js", "m.progress(...input)", [job, run])
+    assert told == f"1 measurement recorded, of 7 planned; {words}"
+
+
+def test_the_file_that_a_command_writes_is_that_of_its_words(tmp_path: Path) -> None:
+    commands = [["plan", "x", "--out=a/b.yaml"], ["plan", "x", "-o", "a/b.yaml"], ["analyse", "run.jsonl"]]
+    assert paged(tmp_path, "core/jobs.js", "input.map(m.outOf)", commands) == ["a/b.yaml", "a/b.yaml", ""]
+
+
+def test_suggested_postures_keep_their_targets(tmp_path: Path) -> None:
+    deed = {"kind": "postures", "postures_deg": JOINTS[:2], "targets": ["a", "b"]}
+    after = paged(
+        tmp_path,
+        "core/actions.js",
+        """(async () => {
+          const editing = await import("./page/core/editing.js");
+          editing.plan.value = { robot: "irb1600", postures_deg: [[0, 0, 0, 0, 0, 0]] };
+          await m.doAction(input, () => {}, () => {});
+          return editing.plan.value.postures_deg;
+        })()""",
+        deed,
+    )
+    assert after == [{"joints_deg": JOINTS[0], "target": "a"}, {"joints_deg": JOINTS[1], "target": "b"}]
+
+
+def test_what_is_measured_again_follows_its_posture(tmp_path: Path) -> None:
+    """Through edits of joints, of the order, and where a posture is removed."""
+    repeated, turned, moved, own, removed = edited(
+        tmp_path,
+        "const row = (of, again) => ({ joints_deg: [...of], target: 'psd', again });",
+        "edit((plan) => { plan.postures_deg.push(row(input[0], 0), row(input[1], 1)); });",
+        "edit((plan) => { plan.postures_deg[0].splice(0, 6, 10, 20, 30, 40, 50, 60); });",
+        "edit((plan) => { plan.postures_deg.unshift(plan.postures_deg.splice(6, 1)[0]); });",
+        "edit((plan) => { plan.postures_deg[7].joints_deg[0] += 5; });",
+        "edit((plan) => { plan.postures_deg.splice(2, 1); });",
+    )
+    assert [row["again"] for row in repeated[7:]] == [0, 1]
+    assert turned[7]["joints_deg"] == turned[0] == [10, 20, 30, 40, 50, 60]
+    # Another is put before it, and it follows; turned itself it is its own, as one whose other is gone.
+    assert [row["again"] for row in moved[7:]] == [1, 2]
+    assert ["again" in row for row in own[7:]] == [False, True]
+    assert all("again" not in row for row in removed[6:])
