@@ -51,7 +51,7 @@ def test_in_the_frame_of_the_page_and_in_a_tab_of_its_own(server: App) -> None:
         assert in_frame(tab).value("origin") == "null"
         assert tab.console == []
         in_frame(tab).value(FOLLOW.format(1))  # the control: what needs the cookie is refused
-        wait(in_frame(tab), "document.body?.textContent.includes('a token is needed')")
+        wait(in_frame(tab), "document.body?.textContent.includes('A token is needed')")
     # And in a tab of its own.
     with chromium().opened(server.address) as tab:
         wait(tab, "document.querySelector('.brand[aria-current]')")

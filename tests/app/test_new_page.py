@@ -86,6 +86,8 @@ def test_why_there_is_no_plan_is_said_and_nothing_is_left(folder: Path, tab: Tab
     for x, why in (("5000", "too few postures"), ("0", "put the target elsewhere")):
         at_point(tab, x, "0", "0")
         make(tab)
-        wait(tab, f"document.querySelector('.new > .lines')?.textContent.includes({why!r})", 180)
+        wait(tab, "document.querySelector('.new progress')")
+        wait(tab, "document.querySelector('.new > .lines li')", 180)
+        assert why in tab.text
         assert "Nothing is left in the folder" in tab.text
         assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []

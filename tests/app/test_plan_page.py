@@ -221,7 +221,7 @@ def test_a_joint_is_turned_in_the_picture_and_undone(tab: Tab) -> None:
 @pytest.mark.long
 def test_plans_are_made_and_opened(folder: Path, tab: Tab) -> None:
     unfold(tab, "Make another plan")
-    for kind in ("x", "optimal"):
+    for kind in ("optimal", "x"):
         choose(tab, "Kind", kind)
         fill(tab, "Measurements", "6")
         fill(tab, "New file", f"cell/{kind}.yaml")

@@ -231,6 +231,10 @@ def test_a_misfit_comes_first_and_offers_nothing(address: str, folder: Path) -> 
         wait(tab, button("Export as moc"))
         tab.value(f"{button('Export as moc')}.click()")
         wait(tab, "document.querySelector('.exports .job')?.textContent.includes('--unvalidated')", 60)
+        # However small u is, it reaches no tolerance.
+        tab.value("location.hash = '#/job/odd/measure/odd/run.jsonl'")
+        wait(tab, "document.querySelector('.known')?.textContent.includes('not claimed')")
+        assert "reached" not in tab.value("document.querySelector('.known').textContent")
     assert {path.name for path in (folder / "odd").iterdir()} == {"run.jsonl", "report"}
 
 

@@ -65,16 +65,25 @@ function Record() {
     <ul class="notes">${found.notes.map((note) => html`<li>${named(note)}</li>`)}</ul></section>`;
 }
 
-/** @param {{point: import("./events.js").CoursePoint | null, tolerances: Record<string, number>}} props */
-function Known({ point, tolerances }) {
+/**
+ * `consistent`: nothing contradicts the model; else no tolerance is reached, however small u is.
+ * @param {{point: import("./events.js").CoursePoint | null, tolerances: Record<string, number>,
+ *   consistent: boolean}} props
+ */
+function Known({ point, tolerances, consistent }) {
   if (!point) return html`<p class="muted">No measurement yet.</p>`;
+  /** @param {number | null} std @param {number | undefined} tolerance @param {string} unit */
+  const against = (std, tolerance, unit) => {
+    if (std === null || tolerance === undefined) return "";
+    if (!consistent) return "not claimed";
+    return std <= tolerance ? "reached" : `above ${withUnit(`${Number(tolerance.toPrecision(6))}`, unit)}`;
+  };
   const row = (/** @type {string} */ name, /** @type {number | null} */ std) => {
-    const unit = units.value[name] ?? "deg", tolerance = tolerances[name], expanded = point.expanded[name];
+    const unit = units.value[name] ?? "deg", expanded = point.expanded[name];
     return html`<tr key=${name} data-of=${name}><th scope="row">${named(name)}</th>
       <td class="right u">${std === null ? "not determined yet" : spread(std, unit)}</td>
       <td class="right">${expanded === null ? "" : spread(expanded, unit)}</td>
-      <td>${std === null || tolerance === undefined ? "" : std <= tolerance ? "reached"
-        : `above ${withUnit(`${Number(tolerance.toPrecision(6))}`, unit)}`}</td></tr>`;
+      <td>${against(std, tolerances[name], unit)}</td></tr>`;
   };
   return html`
     <table class="known">
@@ -182,7 +191,8 @@ export function Measure() {
         <figure class="camera"><figcaption>Camera</figcaption><${CameraPicture} seen=${seen.camera} /></figure>`}
     </div>`}
     ${(following || rows.length > 0) && html`
-      <h2>Standard uncertainty of each offset</h2><${Known} point=${point} tolerances=${tolerances} />`}
+      <h2>Standard uncertainty of each offset</h2>
+      <${Known} point=${point} tolerances=${tolerances} consistent=${kept?.consistent ?? true} />`}
     ${following && html`
       <${Fold} title="Log"><pre class="log" tabindex="0" aria-label="Log">${at.log.join("\n")}</pre><//>`}`;
   return html`

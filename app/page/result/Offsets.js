@@ -99,12 +99,12 @@ function Without({ found }) {
     const from = route.value, file = await saveWithout(run, again.without);
     goOn(from, toJob(from.name, "result", file));
   });
+  const measurements = `measurement${again.without.length === 1 ? "" : "s"} ${again.without.join(", ")}`;
+  const lost = again.lost.map(named).join(", ");
+  const fitted = `Fitted again without ${measurements}: ${again.measurements} of ${again.of} are left.`;
   return html`
     <div class=${`without verdict ${again.verdict}`} role="status">
-      <p>Fitted again without
-        measurement${again.without.length === 1 ? ""
-          : "s"} ${again.without.join(", ")}: ${again.measurements} of ${again.of} are
-        left.${again.lost.length > 0 && ` Without them no longer determined: ${again.lost.map(named).join(", ")}.`}</p>
+      <p>${fitted}${lost && ` Without them no longer determined: ${lost}.`}</p>
       <p><b class="word">${WORDS[again.verdict]}.</b> ${capital(named(again.headline))}</p>
       ${again.misfit.length > 0 && html`<ul>${again.misfit.map((one) => html`<li>${sentence(one)}</li>`)}</ul>`}
       ${again.null_space.map((one) => html`

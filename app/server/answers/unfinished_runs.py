@@ -71,6 +71,7 @@ class RunSoFar(RecordedRun):
         dict[int, float], it("normalised residuals at the fit to all, by the number of the measurement")
     ]
     worst_std: float | None
+    consistent: Annotated[bool, it("nothing contradicts the model: else no tolerance counts as reached")]
     headline: str | None
     notes: list[str]
 
@@ -93,6 +94,7 @@ def recording(folder: Folder, file: str) -> RunSoFar:
         ],
         residuals={} if state is None else state.normalised_residuals,
         worst_std=None if state is None else state.worst,
+        consistent=state is None or state.consistent,
         headline=None if state is None else headline_so_far(state, person),
         notes=notes,
     )
