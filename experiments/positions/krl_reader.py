@@ -24,9 +24,7 @@ _FDAT = re.compile(r"\b(\w+)\s*=\s*\{[^{}]*?\bTOOL_NO\s+(-?\d+)\s*,\s*BASE_NO\s+
 _MOVE = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC|SPL|ASYPTP)(_REL)?\b\s*(?P<goals>.*)", _I)
 _END = re.compile(r"\s+(?:C_PTP|C_DIS|C_VEL|C_ORI|C_SPL|WITH)\b.*", _I)
 _SET = re.compile(r"\s*(?:\$(TOOL|BASE)(?:\.\w+)?\s*=|BAS\s*\(\s*#(TOOL|BASE)\s*,)\s*(.*?)\s*\)?\s*", _I)
-_JUMP = re.compile(
-    r"\s*(?:(?:IF|ELSE|SWITCH|CASE|LOOP|WHILE|REPEAT|FOR|GOTO|INTERRUPT|RESUME)\b|\w+:\s*$)", _I
-)
+_JUMP = re.compile(r"\s*(?:(?:IF|ELSE|SWITCH|CASE|LOOP|WHILE|REPEAT|FOR|GOTO|RESUME)\b|\w+:\s*$)", _I)
 _ASSIGNED = re.compile(r"\s*([A-Z_]\w*(?:\[[^\]]*\])?)((?:\s*\.\s*\w+)*)\s*=(?!=)\s*(.*?)\s*", _I)
 _ADDED = re.compile(rf"(\w+)\.([XYZ])\s*([-+])\s*({NUMBER})", _I)
 _NAME = re.compile(r"[A-Z_]\w*(?:\[[^\[\]]*\])?", _I)
@@ -129,9 +127,9 @@ class KrlRoutine(LineProgram):
         assigned = _ASSIGNED.fullmatch(text)
         if (move := _MOVE.fullmatch(text)) is not None:
             self._motion(pos, move)
-        elif assigned is None:
+        elif assigned is None and text.lstrip()[:1] != "$":  # $H_POS=XHOME changes no position
             self.names.used(self, pos, text)
-        elif not assigned[3].startswith("{"):
+        elif assigned is not None and not assigned[3].startswith("{"):
             self._assigned(pos, assigned)
 
     def _assigned(self, pos: int, assigned: re.Match[str]) -> None:

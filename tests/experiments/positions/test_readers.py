@@ -121,6 +121,9 @@ KRL = {
     "XTMP=XP1\nXTMP.Z=XTMP.Z+50\nLIN XTMP": ([(4, "computed"), (5, "relative")], None),
     "LIN XP1:FRAME_OFF": ([(4, "computed")], None),
     "LIN XP7": ([(4, "elsewhere")], None),
+    "$H_POS=XP1\nLIN XP1": ([], None),
+    "CALC(XP1)\nLIN XP1": ([(4, "call")], None),
+    "LIN GRID[I]\nLIN XP1": ([(4, "computed")], None),
     "PTP $AXIS_ACT\nLIN XP1": ([], None),
     "LIN {Z 500}": ([(4, "relative")], None),
     "XP1.Z=XP1.Z+50": ([], "4: the program overwrites the stored position XP1"),
@@ -145,6 +148,45 @@ def test_statements_of_krl(tmp_path: Path, lines: str) -> None:
         assert refusals(answer) == []
     else:
         assert any(each.startswith(refused) for each in refusals(answer)), refusals(answer)
+
+
+INLINE_FORMS = """DEF prog( )
+;FOLD INI;%{PE}
+GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )
+INTERRUPT ON 3
+BAS (#INITMOV,0 )
+;ENDFOLD (INI)
+;FOLD PTP HOME  Vel= 100 % DEFAULT;%{PE}%MKUKATPBASIS,%CMOVE,%VPTP,%P 1:PTP, 2:HOME, 3:, 5:100, 7:DEFAULT
+$BWDSTART = FALSE
+PDAT_ACT=PDEFAULT
+FDAT_ACT=FHOME
+BAS (#PTP_PARAMS,100 )
+$H_POS=XHOME
+PTP  XHOME
+;ENDFOLD
+;FOLD PTP P1 CONT Vel=100 % PDAT1 Tool[1]:gun Base[2];%{PE}
+PDAT_ACT=PPDAT1
+FDAT_ACT=FP1
+BAS(#PTP_PARAMS,100)
+PTP XP1 C_PTP
+;ENDFOLD
+END
+"""
+
+
+def test_inline_forms_of_krl_have_the_tools_of_their_data(tmp_path: Path) -> None:
+    home = "DECL E6AXIS XHOME={A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0}\nFDAT FHOME={TOOL_NO 0,BASE_NO 0}"
+    (tmp_path / "$config.dat").write_text(f"DEFDAT  $CONFIG\n{home}\nENDDAT\n")
+    (tmp_path / "a.src").write_text(INLINE_FORMS)
+    data = 'DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] " "}\nENDDAT'
+    (tmp_path / "a.dat").write_text(KRL_DATA.replace("ENDDAT", data))
+    answer = shown_programs(tmp_path)
+    assert (answer.listed, answer.refused) == ((), ())
+    assert [(row.name, row.tool, row.frame) for row in answer.positions if row.kind == "cartesian"] == [
+        ("XP1", "1", "2")
+    ]
+    (tmp_path / "a.src").write_text(INLINE_FORMS.replace("PDAT_ACT=PP", "IF a THEN\nENDIF\nPDAT_ACT=PP"))
+    assert "is chosen when the program runs" in refusals(shown_programs(tmp_path))[0]
 
 
 def test_several_tools_one_after_the_other_are_no_question(tmp_path: Path) -> None:
