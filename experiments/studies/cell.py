@@ -24,6 +24,7 @@ from ...model.files.plan import Plan, planned
 from ...model.files.shot import Shot
 from ...model.likelihood.problem import Problem
 from ...model.records import it
+from ...words.numbers import percent
 from ...words.wording import label, listed
 from ..procedure.beam_ports import PHASES, BeamPorts
 from ..procedure.order import Adaptive, InTurn
@@ -322,7 +323,7 @@ def cell_study(runs: int, engine: Engine, *, camera: bool = True) -> CellStudy:
             "Two assumptions of the intervals do not hold exactly where an offset is weakly observable: the"
             " residuals are not linear over them, which makes them a little short, and the priors are wider"
             " than the distribution of the true offsets, which makes them a little long.",
-            f"A plan agrees if the p-value of none of its shares is below {ALARM:.0%} over its offsets"
+            f"A plan agrees if the p-value of none of its shares is below {percent(ALARM)} over its offsets"
             " together (exact binomial test, Bonferroni). The intervals shown are 95 % (Clopper and"
             " Pearson).",
             "Seconds are those of the simulated cell's clock: a quarter of the arm's top speeds, pictures,"

@@ -28,6 +28,7 @@ from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...model.records import it
+from ...words.numbers import percent
 from ...words.wording import listed
 from .answer import (
     ALARM,
@@ -204,9 +205,9 @@ def coverage_study(data_sets: int, engine: Engine) -> CoverageStudy:
         notes=(
             "Every data set has true parameters of its own, drawn from the priors of the fits: offsets of 5°"
             f" (one standard deviation), the target {SIGMA_MM:g} mm about its guess.",
-            f"An estimator agrees if the p-value of none of its shares is below {ALARM:.0%} over all levels"
-            " and offsets together (exact binomial test, Bonferroni). The intervals shown are 95 % (Clopper"
-            " and Pearson).",
+            f"An estimator agrees if the p-value of none of its shares is below {percent(ALARM)} over all"
+            " levels and offsets together (exact binomial test, Bonferroni). The intervals shown are 95 %"
+            " (Clopper and Pearson).",
             "Intervals from the curvature at the mode are for plans that are not nearly degenerate: where a"
             " direction is weakly observable a result also shows the intervals of profile and posterior.",
             "The midpoint fit uses no spot reading and no prior, and starts from zero offsets as in the"
@@ -325,7 +326,7 @@ def calibration(items: Sequence[Parameter], ranks: Index, false_alarm: float) ->
     least = min((float(row.p_value or 0.0) for row in rows), default=1.0)
     alarm = false_alarm / max(len(rows), 1)
     powers = [
-        f"{1 - ratio:.0%} would be detected with probability {power(len(ranks), alarm, ratio):.2f}"
+        f"{percent(1 - ratio)} would be detected with probability {power(len(ranks), alarm, ratio):.2f}"
         for ratio in _POWER_RATIOS
     ]
     return RankCalibration(

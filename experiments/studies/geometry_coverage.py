@@ -29,6 +29,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.records import it
+from ...words.numbers import percent
 from ...words.wording import listed
 from ..plans.candidates import Planned, candidates
 from ..plans.optimal import Planner
@@ -303,7 +304,7 @@ def geometry_study(
             "An interval is estimate ± 1.96 u, from the curvature at the mode. It counts where the arm's own"
             " answer determines the offset; where that says misfit, its numbers count as well: the control"
             " shows what they are worth.",
-            f"An estimator agrees if the p-value of none of its shares is below {ALARM:.0%} over its"
+            f"An estimator agrees if the p-value of none of its shares is below {percent(ALARM)} over its"
             " offsets together (exact binomial test, Bonferroni).",
             "z is the root mean square of the errors in standard uncertainties: 1 if u is right.",
             "Tolerances are standard deviations of normal distributions, independent for each link"

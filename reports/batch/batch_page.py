@@ -103,7 +103,7 @@ def _outcomes(done: Batch) -> Table:
     columns: Columns[tuple[Outcome, int]] = {
         "outcome": lambda row: Cell(_WORDS[row[0]], mark=_MARK[row[0]]),
         "runs": lambda row: f"{row[1]:,}",
-        "share": lambda row: f"{row[1] / len(done.rows):.1%}",
+        "share": lambda row: numbers.percent(row[1] / len(done.rows), 1),
     }
     present = [(outcome, number) for outcome, number in done.counts.items() if number]
     return table_by("Runs by outcome, the gravest first", present, columns)
@@ -142,8 +142,8 @@ def _outliers(done: Batch) -> Iterator[Block]:
     explanation = (
         "Outliers are identified offsets far from those of the other runs of the same robot model"
         " (generalised extreme Studentised deviate test, for normal offsets). The probability of any false"
-        f" alarm is {OUTLIER_ALARM:.0%} over all models and offsets. Those with fewer than {FEWEST_VALUES}"
-        " values are not tested."
+        f" alarm is {numbers.percent(OUTLIER_ALARM)} over all models and offsets. Those with fewer than"
+        f" {FEWEST_VALUES} values are not tested."
     )
     yield Paragraph(explanation if done.outliers else f"None. {explanation}")
     columns: Columns[OutlierArm] = {

@@ -254,7 +254,7 @@ def _about(history: ArmHistory) -> Iterator[tuple[str, str]]:
         "Offsets",
         f"a random walk each, of unknown drift rate (prior median {MEDIAN:g} per root year), with rare jumps",
     )
-    yield "Jumps", f"probability of any false alarm of an arm at most {ALARM:.0%}"
+    yield "Jumps", f"probability of any false alarm of an arm at most {numbers.percent(ALARM)}"
     yield "Due date", DUE_MEANS
     yield "Results that count", f"{len(history.arm.used)} of {len(history.results)}"
     yield "Files", "arm.json has every number unrounded, offsets.csv every offset of every result"

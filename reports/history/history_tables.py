@@ -343,7 +343,8 @@ def _models(fleet: FleetDrift) -> Table:
     }
     return table_by(
         "Drift rate of the median arm of each model, per root year. An offset drifts if it changes by more"
-        f" than the standard uncertainty of a result in a year; any false alarm: at most {fleet.alarm:.0%}",
+        " than the standard uncertainty of a result in a year; any false alarm: at most"
+        f" {numbers.percent(fleet.alarm)}",
         fleet.models,
         columns,
         "llrrrrrl",

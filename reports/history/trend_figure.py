@@ -102,7 +102,7 @@ def offset_panel(
     begin, end = _range(arm)
     if name not in drift.series.names:
         gap = (_day(begin), _day(end), "no result determines it")
-        return CurvePanel([], Scale(ends=(0, 1), ticks=(2,)), up=label(name), gaps=[gap], more=more)
+        return CurvePanel([], Scale(ends=(0, 1), ticks=()), up=label(name), gaps=[gap], more=more)
     j = drift.series.names.index(name)
     points, by_all = _points(arm, drift, name), _bands(arm, drift, name, end)
     unit = drift.series.units[j]

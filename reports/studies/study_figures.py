@@ -87,7 +87,7 @@ class Scale:
 
     log: bool = False
     ends: tuple[float, float] | None = None
-    ticks: Sequence[float] = ()
+    ticks: Sequence[float] | None = None  # None: where they fall; empty: none
     names: Sequence[str] = ()
 
     def of(self, values: Iterable[float]) -> tuple[float, float]:
@@ -108,16 +108,18 @@ class Scale:
             set_log_scale(axes, which, *ends)
         else:
             axes.set(**{f"{which}lim": ends})
-        if self.ticks:
+        if self.ticks is not None:
             axis.set_ticks(self.ticks)
         axis.set_major_formatter(plain)
         if self.names:
-            axis.set_ticks(self.ticks, list(map(in_font, self.names)), rotation=90 if self.upright else 0)
+            axis.set_ticks(
+                self.ticks or (), list(map(in_font, self.names)), rotation=90 if self.upright else 0
+            )
         return ends
 
     def name(self, value: float) -> str:
         """The name of a value, or the value itself."""
-        return dict(zip(self.ticks, self.names, strict=False)).get(value, numbers.exact(value))
+        return dict(zip(self.ticks or (), self.names, strict=False)).get(value, numbers.exact(value))
 
     @property
     def upright(self) -> bool:

@@ -25,7 +25,7 @@ from ....model.arrays import Matrix, normal_half_width
 from ....model.errors import UnsoundResult
 from ....model.likelihood.parameters import Group
 from ....model.records import record
-from ....words.numbers import exact, significant, spread
+from ....words.numbers import exact, percent, significant, spread
 from ....words.wording import listed
 from ..answer import StudyAnswer, share_interval
 from .study_file import Settings, SettingValues
@@ -283,9 +283,9 @@ def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
             f" {exact(settings.target.sigma_mm, 'mm')} in each direction about its nominal position, unless"
             " an axis changes them. The random numbers of a case follow from its settings and the seed",
             *([] if settings.header().arm is None else [_ON_GEOMETRY]),
-            f"A case agrees if the share of {settings.level:.0%} intervals that contain the true value and"
-            f" the scatter are consistent with the prediction, at a false-alarm probability of"
-            f" {settings.chance:.0%} over the whole study (exact binomial test, chi-squared test,"
+            f"A case agrees if the share of {percent(settings.level)} intervals that contain the true value"
+            f" and the scatter are consistent with the prediction, at a false-alarm probability of"
+            f" {percent(settings.chance)} over the whole study (exact binomial test, chi-squared test,"
             " Bonferroni). Where all offsets are identified the errors must scatter as predicted; where one"
             " is weakly observable the model is not linear along its direction, and they must scatter as the"
             " fits of the runs state. Degenerate cases are judged likewise, but do not count for the study:"

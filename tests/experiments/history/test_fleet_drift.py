@@ -128,7 +128,9 @@ def test_arms_with_few_results_borrow_and_say_so(one: StoredResult) -> None:
         walk for arm in found.arms for walk in arm.walks if arm.serial != "few" and walk.offset == "delta3"
     ]
     assert not any(walk.borrowed for walk in many)
-    assert "than by own results: few (" in texts(list(fleet_blocks(found)))
+    assert "Some rates of 1 arm (few) are known more by the other arms of the model" in texts(
+        list(fleet_blocks(found))
+    )
 
 
 def test_an_offset_that_no_arm_determines_twice_is_not_known(one: StoredResult) -> None:

@@ -39,9 +39,10 @@ def shown(own: ArmHistory, *, drawn: bool = False) -> Page:
 
 
 def points(svg: str) -> int:
-    """How many results are drawn: marks in the colour of what is identified, less that of the legend."""
-    blue = light("identified")
-    return len(re.findall(rf'<use [^>]*style="fill: {blue}; stroke: {blue}', svg)) - 1
+    """How many results are drawn: marks of what is identified or assumed, each less its legend's one."""
+    inks = map(light, ("identified", "assumed"))
+    drawn = [len(re.findall(rf'<use [^>]*style="fill: {ink}; stroke: {ink}', svg)) for ink in inks]
+    return sum(max(count - 1, 0) for count in drawn)
 
 
 def test_what_is_assumed_is_not_shown_as_measured() -> None:
