@@ -12,8 +12,8 @@ from ..model.arrays import Progress
 from ..model.errors import BadInput, located
 from ..model.files.run import Run
 from ..model.likelihood.geometry import NOMINAL
+from ..model.likelihood.parameters import Tie
 from ..model.likelihood.problem import Problem
-from ..model.likelihood.ties import Tie
 from .analyse_options import Sampling
 from .answer.findings import findings
 from .answer.result import (
@@ -52,7 +52,7 @@ from .posterior.posterior import (
     not_worth_sampling,
     sample_posterior,
 )
-from .repeatability.prior_free import offsets_without_prior
+from .repeatability.consistency import offsets_without_prior
 from .solution import ParameterTable, Solution, require_noise_data, undecided_names
 from .status import has_numbers, versions
 from .tcp_region import region_of

@@ -28,7 +28,7 @@ from zerobeam.experiments.plans.candidates import CandidatePostures, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.arrays import Index
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan_file import Obstacles
+from zerobeam.model.files.plan import Obstacles
 from zerobeam.model.files.robot_file import load_robot
 
 SEED = 1

@@ -247,8 +247,7 @@ def batch(
 ) -> None:
     """Solve many runs: results, reports if asked, tables, and one page over all."""
     from ..experiments.batch import run_files
-    from ..reports.batch.batch_folder import require_parquet
-    from ..reports.batch.batch_page import batch_page
+    from ..reports.batch.batch_page import batch_page, require_parquet
     from ..reports.batch.carried_out import STORE, check_target
     from ..reports.batch.carried_out import batch as carry_out
 

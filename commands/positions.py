@@ -101,7 +101,7 @@ def _show(answer: "Conversion", as_json: bool) -> None:
 
 def _write(answer: "Conversion", folder: Path, as_json: bool) -> None:
     """Show the answer, and write it where all of it is converted; exit status 1 where not."""
-    from ..reports.positions.positions_folder import write_conversion
+    from ..reports.positions.positions_page import write_conversion
     from ..words.wording import counted
 
     if not answer.converted:

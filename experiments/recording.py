@@ -20,7 +20,7 @@ from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..model.options import USUAL_REPEATS
 from ..words.message import acceptance_plan_message, headline_so_far, message_so_far
-from ..words.plan_words import violation_words
+from ..words.plan_catalogue import violation_words
 from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.wording import listed
 from .acceptance_files import offsets_to_enter

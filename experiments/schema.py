@@ -13,7 +13,7 @@ from ..model import records
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.header_file import PlantTolerances
-from ..model.files.plan_file import Obstacles, PlanFile
+from ..model.files.plan import Obstacles, PlanFile
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
 from ..model.parsing.reading import did_you_mean

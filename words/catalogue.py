@@ -63,8 +63,15 @@ from .entries import (
 )
 from .finding_words import finding_sentence, likelihood_message
 from .geometry_words import confounded_sentence, with_own_u, worth_sentence
-from .misfit_causes import CAUSES, by_another_run, mend
-from .misfit_words import cause_sentence, larger_tolerance, measurements, step_sentence
+from .misfit_words import (
+    CAUSES,
+    by_another_run,
+    cause_sentence,
+    larger_tolerance,
+    measurements,
+    mend,
+    step_sentence,
+)
 from .observability import (
     assumed_steps,
     condition,

@@ -1,4 +1,6 @@
-"""The findings of a run in words: each sentence is made here, and nowhere read back."""
+"""The findings of a run in words, its fit and a held-out run too: each sentence is made here, and nowhere
+read back.
+"""
 
 from __future__ import annotations
 
@@ -21,15 +23,16 @@ from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
-from ..analysis.misfit import ExactDoubted
+from ..analysis.misfit import ExactDoubted, LackOfFit
 from ..analysis.observability.changes import RepeatsDiffer
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
+from ..analysis.status import LACK_OF_FIT
 from . import numbers
 from .misfit_words import change_words, criterion_sentence, repeats_disagree
 from .numbers import p_words
 from .numbers import significant as rounded
 from .observability import reason
-from .wording import Namer, be, clipped, label, listed
+from .wording import Namer, be, capital, clipped, counted, ended, label, listed, person, sentence, shown
 
 MOST_NAMED = 10
 _USELESS = {
@@ -264,3 +267,169 @@ def accuracy_reason(accuracy: TcpAccuracy, name: Namer = str) -> str | None:
         for (state, why), names in parts.items()
     ]
     return "; ".join(reasons) or None
+
+
+def misfit_factor(result: Result) -> str | None:
+    """How many times the stated noise the residuals are; None where they agree with it."""
+    for finding in result.findings:
+        if isinstance(finding, LackOfFit):
+            return numbers.significant(finding.factor, 2)
+    return None
+
+
+def goodness_of_fit(result: Result, noise: str) -> list[str]:
+    """The goodness of fit as sentences, the gravest first; against the `stated` or the `fitted` noise."""
+    fit = result.likelihood
+    sentences = not_converged(fit)
+    others = () if result.misfit is None else result.misfit.criteria
+    beside = [
+        f"{criterion_sentence(criterion, person)}."
+        for criterion in others
+        if not isinstance(criterion, LackOfFit)
+    ]
+    if fit.p_value is None or not fit.dof:
+        return sentences + beside
+    measure = (
+        f"χ²\u00a0{numbers.significant(fit.chi2)}, {fit.dof}\u00a0dof, p\u00a0{numbers.p_value(fit.p_value)}"
+    )
+    if (times := misfit_factor(result)) is not None:
+        sentences.append(
+            f"Lack of fit: residuals are {times} times the {noise} noise ({measure}). The geometry, the"
+            " noise or single measurements are not as stated, and the intervals do not cover that error."
+        )
+    elif fit.p_small is not None and fit.p_small < LACK_OF_FIT:
+        sentences.append(
+            f"The residuals are smaller than the {noise} noise allows, even of an arm without any deviation"
+            f" ({measure}; of residuals as small p\u00a0{numbers.p_value(fit.p_small)}): it may be"
+            " overstated."
+        )
+    else:
+        sentences.append(f"The residuals agree with the {noise} noise ({measure}).")
+    return sentences + beside
+
+
+def not_converged(fit: LikelihoodSummary) -> list[str]:
+    """What a reader must know of a fit that did not converge."""
+    if fit.converged:
+        return []
+    return [
+        f"The fit did not converge ({sentence(fit.reason)}): do not use its numbers. "
+        "Look at the residuals for a wrong measurement, or state a better guess of target and tool."
+    ]
+
+
+def robust_sentence(result: Result, robust: Robust) -> str:
+    """What the robust fit is and found."""
+    if not robust.converged:
+        return f"The robust fit did not converge ({sentence(robust.reason)}) and is not shown."
+    if robust.loss == "huber":
+        threshold = numbers.significant(robust.tuning)
+        sentences = [
+            f"Huber’s loss: the weight of a normalised residual r above {threshold} is {threshold}/r."
+        ]
+    else:
+        nu = numbers.exact(robust.tuning)
+        sentences = [
+            f"Student’s loss with {nu} degrees of freedom: the larger a residual, the smaller its weight."
+        ]
+    sentences.append("A measurement of weight 1 counts as in the likelihood fit.")
+    sentences.append(_outliers(result, robust))
+    if robust.noise_scale is not None:
+        sentences.append(f"The noise is {numbers.significant(robust.noise_scale)} times the stated noise.")
+    if robust.with_uncertainty:
+        sentences.append("Its intervals follow from the residuals as they are, not from the stated noise.")
+    else:
+        sentences.append(
+            "It has no uncertainty: a measurement has leverage 1, or there are no more numbers than unknowns."
+        )
+    return " ".join(sentences)
+
+
+def _outliers(result: Result, robust: Robust) -> str:
+    if not robust.outliers:
+        return "No outlier."
+    weights = {shot.shot: weight for shot, weight in zip(result.shots, robust.weights, strict=True)}
+    named = [f"{number} (weight {numbers.fixed(weights[number], 2)})" for number in robust.outliers]
+    return f"Outlier{'' if len(named) == 1 else 's'}: {listed(named)}."
+
+
+def hold_out_sentences(result: Result, held_out: HoldOut) -> list[str]:
+    """How it went."""
+    sentences = []
+    misfit = next((finding for finding in result.findings if isinstance(finding, HeldOutMisfit)), None)
+    if misfit is not None:
+        sentences.append(
+            f"The residuals are {numbers.significant(misfit.factor, 2)} times what noise and fit explain: the"
+            " offsets do not carry over to these targets as stated."
+        )
+    elif held_out.p_value is not None:
+        sentences.append("The residuals agree with noise and fit: they do not contradict the offsets.")
+    if (message := hold_out_message(held_out)) is not None:
+        sentences.append(f"No judgement: {sentence(message)}.")
+    return sentences
+
+
+def predicted_run_sentences(run: PredictedRun) -> list[str]:
+    """How it was predicted, how well, and what is no prediction."""
+    sentences = [_how(run)]
+    if run.rms_mm is not None and run.expected_mm is not None and run.u_mm is not None:
+        sentences.append(
+            f"The errors are {numbers.significant(run.rms_mm, unit='mm')} rms. From noise and fit"
+            f" {numbers.significant(run.expected_mm, unit='mm')} are expected, including the standard"
+            f" uncertainty of the prediction, {numbers.significant(run.u_mm, unit='mm')}."
+        )
+        if run.rms_deg is not None and run.expected_deg is not None:
+            sentences.append(
+                f"Rotations are off by {numbers.significant(run.rms_deg, unit='deg')} rms; expected from"
+                f" noise and fit: {numbers.significant(run.expected_deg, unit='deg')}."
+            )
+        sentences.append(_gain(run.rms_mm, run.rms_before_mm))
+    if run.p_value is not None and run.factor is not None:
+        p = f"p-value {numbers.p_value(run.p_value)}"
+        if run.p_value < LACK_OF_FIT:
+            factor = numbers.significant(run.factor, 2)
+            sentences.append(
+                f"The errors are {factor} times what noise and fit explain ({p}): the estimates do not carry"
+                " over to this run as stated."
+            )
+        else:
+            sentences.append(f"The errors agree with noise and fit ({p}).")
+    if (message := predicted_run_message(run)) is not None:
+        sentences.append(ended(capital(message)))
+    return sentences
+
+
+def _how(run: PredictedRun) -> str:
+    text = f"Everything is estimated from the analysed run; {clipped(shown(run.run), 60)} is predicted."
+    if run.targets_placed:
+        one = len(run.targets_placed) == 1
+        names = listed([clipped(name) for name in run.targets_placed])
+        text += (
+            f" The position{'' if one else 's'} of {names}, which the analysed run lacks,"
+            f" {'is' if one else 'are'} estimated from the held-out run itself. The components of the"
+            " residuals that this takes up do not count, neither in what is expected nor in the degrees of"
+            " freedom."
+        )
+    return text
+
+
+def _gain(rms: float, before: float | None) -> str:
+    if before is None:
+        return "There is no comparison with nominal values: their fit of targets and tool did not converge."
+    text = (
+        "With nominal joints and links, and targets and free tool fitted to the analysed run, they are"
+        f" {numbers.significant(before, unit='mm')}"
+    )
+    return f"{text}: {numbers.significant(before / rms, 2)} times as much." if rms > 0 else f"{text}."
+
+
+def predicted_run_alt(run: PredictedRun) -> str:
+    """The figure in a sentence."""
+    rows = [row for row in run.measurements if row.error_mm is not None]
+    worst = max(rows, key=lambda row: row.error_mm or 0.0)
+    count, name = counted(len(rows), "measurement"), clipped(shown(run.run), 60)
+    largest = numbers.or_words(worst.error_mm, "", "mm")
+    return (
+        f"Prediction errors of {count} of {name}, nominal against calibrated; the largest with calibration is"
+        f" {largest} at measurement {worst.shot}."
+    )

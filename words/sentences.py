@@ -39,7 +39,7 @@ from .message import headline, message, next_steps, offered
 from .misfit_words import criterion_sentence, explanation_sentence
 from .observability import direction_remedy, reason, reason_of
 from .pendant_check import check_sentences
-from .plan_words import check_notes
+from .plan_catalogue import check_notes
 from .region_words import region_words
 from .trust import tolerances_of, trusted
 

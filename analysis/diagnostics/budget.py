@@ -19,7 +19,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.likelihood.ties import Distance
+from ...model.likelihood.parameters import Distance
 from ...model.records import internal, it, record
 from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
 from ..posterior.convergence import Ends

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
-from ...model.files.plan_file import USUAL, StatedConstraints
+from ...model.files.plan import USUAL, StatedConstraints
 from ...model.instruments.kind import Target, TargetEntry
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.problem import Problem

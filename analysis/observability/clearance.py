@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
-from ...model.files.plan_file import Box, Obstacles
+from ...model.files.plan import Box, Obstacles
 from ...model.instruments.kind import Target, TargetEntry
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem

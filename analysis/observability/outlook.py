@@ -24,9 +24,8 @@ import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.header import Header
-from ...model.files.plan_file import USUAL, StatedConstraints
-from ...model.instruments.kind import Assumption
-from ...model.instruments.proposal import ON_FLANGE
+from ...model.files.plan import USUAL, StatedConstraints
+from ...model.instruments.kind import ON_FLANGE, Assumption
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...model.options import USUAL_REPEATS

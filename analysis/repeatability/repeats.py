@@ -34,7 +34,7 @@ from ..ladder import solve_run
 from ..misfit import Criterion, LackOfFit
 from ..solution import Solution, require_noise_data, undecided_names
 from ..status import LACK_OF_FIT, RepeatStatus
-from .prior_free import without_prior
+from .consistency import without_prior
 
 WHEN = "when"  # the key of a header's provenance that says when a run was made
 Kind = Literal["runs", "results", "table"]

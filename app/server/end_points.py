@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter
 
-from ...model.files.plan_file import PlanFile
+from ...model.files.plan import PlanFile
 from ...model.parsing.validation import as_tuple
 from ...model.records import it
 from .answers import (  # noqa: F401 - each enters its end points

@@ -15,7 +15,7 @@ from ...analysis.observability.clearance import Clearance
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.files.plan_file import Obstacles
+from ...model.files.plan import Obstacles
 from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.geometry import NOMINAL

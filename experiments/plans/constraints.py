@@ -19,8 +19,7 @@ from ...analysis.observability.remedies import Allowed
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, located
 from ...model.files.header import Header, StatedTarget
-from ...model.files.plan import Plan
-from ...model.files.plan_file import StatedConstraints
+from ...model.files.plan import Plan, StatedConstraints
 from ...model.files.run import Run
 from ...model.instruments.kind import Measurement, Target
 from ...model.kinematics.pendant import beyond_limits

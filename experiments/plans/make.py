@@ -19,8 +19,16 @@ from ...model.arrays import Progress
 from ...model.errors import BadInput
 from ...model.files.from_arrays import checked
 from ...model.files.header import Header, StatedTarget
-from ...model.files.plan import Means, Plan, first_in_turn, read_plan, write_plan
-from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
+from ...model.files.plan import (
+    UNCONSTRAINED,
+    Means,
+    Obstacles,
+    Plan,
+    StatedConstraints,
+    first_in_turn,
+    read_plan,
+    write_plan,
+)
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
 from ...model.kinematics.robot import Robot

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.instruments.proposal import ON_THE_FLANGE, TARGET_OUT, Keys, Point, ProposedHeader, whole_point
+from ...model.instruments.kind import ON_THE_FLANGE, TARGET_OUT, Keys, Point, ProposedHeader, whole_point
 from ...model.instruments.registry import KINDS, kind_names, kind_of
 from ...model.kinematics.pendant import spread_postures, within_limits
 from ...model.kinematics.robot import Robot

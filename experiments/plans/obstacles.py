@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
-from ...model.files.plan_file import Obstacles
+from ...model.files.plan import Obstacles
 from ...model.files.whole_file import refuse_existing, schema_line, write_whole
 from ...model.parsing.validation import read_model
 

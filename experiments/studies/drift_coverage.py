@@ -16,7 +16,7 @@ from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
 from ...analysis.drift.smoother import Observation, Series, series_of
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
-from ...analysis.repeatability.prior_free import offsets_without_prior
+from ...analysis.repeatability.consistency import offsets_without_prior
 from ...model.arrays import Matrix
 from ...model.files.header import EXACT
 from ...model.files.run import read_run

@@ -14,8 +14,20 @@ from ..arrays import Mask, Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, refusal
 from .frames import FREE_MM
-from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
-from .proposal import TARGET_OUT, TIP, Point, ProposedHeader, target_at, whole_point
+from .kind import (
+    TARGET_OUT,
+    TIP,
+    Flange,
+    Misread,
+    Point,
+    ProposedHeader,
+    Target,
+    TargetEntry,
+    Unknown,
+    Words,
+    target_at,
+    whole_point,
+)
 from .tips import StatedRange, StatedTip, TipStation, directions, distance, sphere_through, tip_std
 
 _SOCKETS = ((0.55, 0.2), (0.45, -0.3))  # of the reach: where the sockets of a new calibration are

@@ -12,8 +12,7 @@ from pydantic import Field
 
 from ..arrays import Mask, Matrix
 from ..parsing.validation import FileModel, Vector, with_length
-from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
-from .proposal import TIP, Point, ProposedHeader, faces_at
+from .kind import TIP, Flange, Misread, Point, ProposedHeader, Target, TargetEntry, Unknown, Words, faces_at
 from .tips import (
     StatedRange,
     StatedTip,

@@ -14,8 +14,7 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from .kind import Assumption, Flange, Instrument, Unknown, Words
-from .proposal import TIP, Point, ProposedHeader, target_at
+from .kind import TIP, Assumption, Flange, Instrument, Point, ProposedHeader, Unknown, Words, target_at
 
 _SIGMA: dict[str, Literal["tilt_deg", "shift_mm"]] = {"deg": "tilt_deg", "mm": "shift_mm"}
 

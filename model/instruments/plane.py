@@ -12,8 +12,7 @@ from pydantic import Field
 
 from ..arrays import Mask, Matrix
 from ..parsing.validation import FileModel
-from .kind import Flange, Target, TargetEntry, Unknown, Words
-from .proposal import TIP, Point, ProposedHeader, faces_at
+from .kind import TIP, Flange, Point, ProposedHeader, Target, TargetEntry, Unknown, Words, faces_at
 from .tips import (
     BallTipStation,
     StatedBallTip,

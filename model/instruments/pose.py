@@ -19,13 +19,15 @@ from .kind import (
     Assumption,
     Flange,
     Misread,
+    Point,
+    ProposedHeader,
     ReadingNoise,
     ResidualLayout,
     TargetEntry,
     Unknown,
     Words,
+    station_at,
 )
-from .proposal import Point, ProposedHeader, station_at
 from .rotations import (
     Quaternion,
     matrix_of,

@@ -13,8 +13,18 @@ from pydantic import Field
 from ..arrays import Mask, Matrix
 from ..errors import BadInput
 from ..parsing.validation import FileModel
-from .kind import Flange, Target, TargetEntry, Unknown, Words
-from .proposal import TIP, Point, ProposedHeader, target_at, whole_point
+from .kind import (
+    TIP,
+    Flange,
+    Point,
+    ProposedHeader,
+    Target,
+    TargetEntry,
+    Unknown,
+    Words,
+    target_at,
+    whole_point,
+)
 from .tips import BallTipStation, StatedBallTip, directions, distance, sphere_through
 
 

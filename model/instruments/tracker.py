@@ -25,8 +25,19 @@ from ..parsing.validation import (
     with_length,
 )
 from .frames import FREE_MM, FramedStation, StatedStand, StationFrame, spread, vector_unknowns
-from .kind import Assumption, Flange, Misread, Target, TargetEntry, Unknown, Words
-from .proposal import ON_FLANGE, Point, ProposedHeader, station_at
+from .kind import (
+    ON_FLANGE,
+    Assumption,
+    Flange,
+    Misread,
+    Point,
+    ProposedHeader,
+    Target,
+    TargetEntry,
+    Unknown,
+    Words,
+    station_at,
+)
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough

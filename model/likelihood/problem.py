@@ -26,8 +26,7 @@ from ..kinematics.robot import Robot
 from .constraint import ShotFunctions, shot_functions
 from .geometry import Geometry
 from .noise import NoiseModel
-from .parameters import Parameters
-from .ties import Angle, Distance, Tie, ties
+from .parameters import Angle, Distance, Parameters, Tie, ties
 
 if TYPE_CHECKING:
     from ..files.header import Header

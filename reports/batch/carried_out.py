@@ -44,7 +44,7 @@ from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
 from ..run.inputs import when_and_serial
 from ..run.report import REPORT, RESULT, write_report
-from .batch_folder import FILES, write_batch
+from .batch_page import FILES, write_batch
 
 STORE = "finished.jsonl"
 

@@ -15,12 +15,11 @@ from ...words.entries import VERDICT_WORDS
 from ...words.geometry_words import check_lines, worth_sentence
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines, remaining
-from ...words.plan_catalogue import plan_headline, plan_message, planned_anew
-from ...words.plan_words import check_notes
+from ...words.plan_catalogue import check_notes, plan_headline, plan_message, planned_anew
 from ...words.trust import tolerances_of, trusted
 from ...words.wording import joints, label, person, sentence, status_words
 from ..run.brief_page import MOST_CAUTIONS
-from ..run.outlook_section import outlook_blocks
+from ..run.front import outlook_blocks
 from ..run.parameter_section import worth_column
 from ..run.unobservable import direction_words
 from ..style.blocks import (

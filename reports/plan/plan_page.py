@@ -25,14 +25,12 @@ from ...words.geometry_words import check_lines
 from ...words.message import WHAT_ELSE
 from ...words.observability import outlook_lines, rank_facts
 from ...words.outlook_words import TITLE
-from ...words.plan_catalogue import planned_anew
-from ...words.plan_words import check_notes
+from ...words.plan_catalogue import check_notes, planned_anew
 from ...words.wording import again_words, clipped, counted, label, listed, sentence, shown
 from ..output.html import Turnable, html
-from ..run.null_motion_section import motion_picture, motion_section
-from ..run.outlook_section import outlook_blocks
+from ..run.front import outlook_blocks
 from ..run.parameter_section import legend, reasons
-from ..run.unobservable import direction_words, tolerance_only
+from ..run.unobservable import direction_words, motion_picture, motion_section, tolerance_only
 from ..scenes.scene import Placed, Posed, Scene3D, axes_of, floor_of
 from ..scenes.turnable import MOST_DRAWN, turnable
 from ..style.blocks import (

@@ -1,14 +1,21 @@
-"""The page of a conversion: what to do first, positions, lines to look at, why nothing is written."""
+"""The page of a conversion: what to do first, positions, lines to look at, why nothing is
+written; and its folder, with the audit that puts the old files back.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
-from ...experiments.positions.conversion import Conversion, ListedLine, PositionRow
+from ...experiments.positions.conversion import POSITIONS_SCHEMA, Conversion, ListedLine, PositionRow
+from ...experiments.positions.program_backup import AUDIT
+from ...model.errors import BadInput
 from ...words import numbers
+from ...words.sentences import to_json
 from ...words.wording import clipped, counted, shown
+from ..output.whole_folder import FolderContents, Kind, Written, names_in, write_answer
 from ..style.blocks import (
     Block,
     Commands,
@@ -214,3 +221,20 @@ def _numbers(values: Sequence[float] | None) -> str:
         if values is None
         else ", ".join(f"{value + 0.0:.10g}" if abs(value) < 1 else f"{value:.3f}" for value in values)
     )
+
+
+def write_conversion(folder: Path, answer: Conversion) -> Written:
+    """Write a conversion to a folder that is empty or does not exist: whole, or not at all."""
+    if folder.is_dir() and names_in(folder):
+        raise BadInput(
+            "the folder is not empty", file=folder, remedy="name another one: no conversion is overwritten"
+        )
+    tops = {name.partition("/")[0] for name in answer.content}
+    kind = Kind.of_answer("conversion", AUDIT, POSITIONS_SCHEMA, *tops, pages="positions")
+
+    def files(new: Path) -> None:
+        for name, content in answer.content.items():
+            (new / name).parent.mkdir(parents=True, exist_ok=True)
+            (new / name).write_bytes(content)
+
+    return write_answer(folder, kind, FolderContents(to_json(answer), positions_page(answer), others=files))

@@ -26,10 +26,8 @@ from ..style.blocks import (
     table_of,
 )
 from .fit_section import diagnosis_section, hold_out_section, intervals_section, robust_section
-from .front import front, offsets_front
+from .front import front, offsets_front, outlook_section
 from .geometry_section import geometry_lines
-from .next_steps_section import next_steps_section
-from .outlook_section import outlook_section
 from .parameter_section import (
     errors_sentence,
     offsets_table,
@@ -38,13 +36,31 @@ from .parameter_section import (
     rehearsal_section,
     truth_table,
 )
-from .placement_section import placements_lines
+from .placement_section import placements_lines, predicted_run_section
 from .posterior_summary import posterior_sentence
-from .predicted_run_section import predicted_run_section
 from .unobservable import direction_words
 
 if TYPE_CHECKING:
     from ...experiments.procedure.events import Ended
+from ...words.message import next_steps
+from ..style.blocks import Block, Commands
+
+
+def next_steps_section(result: Result) -> Section | None:
+    """The section of the report; None where the message says it all."""
+    content = message(result)
+    advice = next_steps(result, content)
+    blocks: list[Block] = []
+    if advice.enter and content.may.enter:
+        blocks.append(
+            Paragraph("Enter the values of page one: corrected reading = recorded position + value.")
+        )
+    for step in advice.steps[1:]:
+        blocks.append(Paragraph(step.text))
+        if step.commands:
+            blocks.append(Commands(step.commands))
+    return section_of("What to do next", *blocks) if blocks else None
+
 
 MOST_CAUTIONS = 3  # on page one
 

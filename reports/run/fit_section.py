@@ -14,10 +14,8 @@ from ...analysis.estimation.midpoint import MidpointFit
 from ...analysis.observability.power import LIMIT_U, DetectionPower
 from ...analysis.posterior.posterior import Intervals
 from ...words import numbers
-from ...words.finding_words import likelihood_message
-from ...words.fit_words import goodness_of_fit, hold_out_sentences, robust_sentence
-from ...words.misfit_causes import CAUSES, changed
-from ...words.misfit_words import diagnosis_said
+from ...words.finding_words import goodness_of_fit, hold_out_sentences, likelihood_message, robust_sentence
+from ...words.misfit_words import CAUSES, changed, diagnosis_said
 from ...words.numbers import times, unit_of
 from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence

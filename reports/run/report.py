@@ -15,7 +15,7 @@ from ..output.whole_folder import FolderContents, Kind, Written, write_answer
 from ..scenes.turnable import still_picture
 from ..style.blocks import Page
 from ..style.canvas import Picture
-from .brief_page import page_of
+from .brief_page import next_steps_section, page_of
 from .fit_section import (
     diagnosis_section,
     fit_section,
@@ -23,21 +23,21 @@ from .fit_section import (
     intervals_section,
     robust_section,
 )
-from .front import shows_scene
+from .front import outlook_section, shows_scene
 from .geometry_section import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
-from .next_steps_section import next_steps_section
-from .null_motion_section import null_motion_picture_of, null_motion_section
-from .outlook_section import outlook_section
 from .parameter_section import offsets_picture, offsets_section, rehearsal_section
-from .placement_section import placements_picture, placements_section
+from .placement_section import (
+    placements_picture,
+    placements_section,
+    predicted_run_picture,
+    predicted_run_section,
+)
 from .posterior_summary import posterior_picture, posterior_section
-from .predicted_run_section import predicted_run_picture, predicted_run_section
-from .residual_map import residual_map_picture
-from .residuals import residuals_picture, residuals_section
+from .residuals import residual_map_picture, residuals_picture, residuals_section
 from .run_scene import run_turnable, scene_section
 from .uncertainty_budget import budget_section
-from .unobservable import unobservable_section
+from .unobservable import null_motion_picture_of, null_motion_section, unobservable_section
 from .workspace import workspace_picture, workspace_section
 
 

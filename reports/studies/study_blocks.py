@@ -22,7 +22,6 @@ from ...experiments.studies.answer import (
 from ...model.arrays import NORMAL_95
 from ...model.records import keys
 from ...words import numbers
-from ...words.citation import study_citation
 from ...words.wording import capital, clipped, counted, label, sentence, shown
 from ..style.blocks import (
     Cell,
@@ -39,6 +38,19 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
+
+PAPER = (
+    "B. Gao, Y. Liu, N. Xi, Y. Shen: Developing an Efficient Calibration System for Joint Offset of"
+    " Industrial Robots, Journal of Applied Mathematics 2014, 769343, doi:10.1155/2014/769343"
+)
+
+
+def study_citation(study: str, seed: str | None, version: str, *, by_the_paper: bool) -> str:
+    """What to write of a study: program, version, study, seed; the article where its method is studied."""
+    of_seed = "" if seed is None else f", seed {seed}"
+    text = f"The zerobeam contributors: zerobeam {shown(version)}, study {shown(study)}{of_seed}."
+    return f"{text} Method: {PAPER}." if by_the_paper else text
+
 
 NOT_DETERMINED = "not determined"
 NOT_GIVEN = "not given"

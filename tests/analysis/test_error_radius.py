@@ -5,8 +5,8 @@ import pytest
 from numpy.polynomial.chebyshev import chebval2d
 from scipy import stats
 
-from zerobeam.analysis import error_radius
-from zerobeam.analysis.error_radius import LengthLaw, radius95
+from zerobeam.analysis.diagnostics import accuracy
+from zerobeam.analysis.diagnostics.accuracy import LengthLaw, radius95
 
 CHANCE = 1e-3  # of a test that is right to fail: two sides together
 
@@ -87,7 +87,7 @@ DEGENERATE = [
 def test_the_eigenvalues_are_those_of_lapack():
     spectra = [*np.random.default_rng(3).exponential(size=(20, 3)), *DEGENERATE]
     matrices = covariances(spectra)
-    exact, result = np.linalg.eigvalsh(matrices).T, error_radius._eigenvalues(matrices)
+    exact, result = np.linalg.eigvalsh(matrices).T, accuracy._eigenvalues(matrices)
     assert (np.diff(result, axis=0) >= -1e-15 * result[2]).all()
     assert (np.abs(result - exact) <= 1e-7 * exact[2]).all()
 
@@ -98,5 +98,5 @@ def test_the_radius_is_that_by_lapack(dof):
     matrices = covariances([*np.random.default_rng(4).exponential(size=(20, 3)), *DEGENERATE])
     std = np.sqrt(np.maximum(np.linalg.eigvalsh(matrices), 0.0)).T
     ratios = 2 * std[1] / std[2] - 1, 2 * std[0] / np.where(std[1] > 0, std[1], 1.0) - 1
-    plain = std[2] * chebval2d(*ratios, error_radius._coefficients(dof))
+    plain = std[2] * chebval2d(*ratios, accuracy._coefficients(dof))
     np.testing.assert_allclose(radius95(matrices, dof), plain, rtol=1e-5)

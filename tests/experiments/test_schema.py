@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from zerobeam.experiments.plans.obstacles import write_obstacles
 from zerobeam.experiments.schema import FILE_SCHEMAS, SCHEMA_NAMES, json_schema
 from zerobeam.model.files.header import write_header
-from zerobeam.model.files.plan_file import Box, Obstacles
+from zerobeam.model.files.plan import Box, Obstacles
 from zerobeam.model.files.run import write_run
 
 UNITS = {

@@ -22,7 +22,7 @@ from zerobeam.model.files.header import header_content
 from zerobeam.model.files.run import read_run
 from zerobeam.model.instruments.kind import Measurement
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit_causes import CAUSES, changed, mend
+from zerobeam.words.misfit_words import CAUSES, changed, mend
 
 JOINT_DEG = 0.005
 Lines = list[dict[str, Any]]

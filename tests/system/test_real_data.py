@@ -29,7 +29,7 @@ from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.run.fit_section import fit_section
 from zerobeam.reports.style.blocks import Paragraph
-from zerobeam.words.fit_words import hold_out_sentences
+from zerobeam.words.finding_words import hold_out_sentences
 from zerobeam.words.sentences import to_json
 
 Row = dict[str, Any]

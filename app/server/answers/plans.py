@@ -22,8 +22,7 @@ from ....experiments.rigs_offered import OfferedRun, offered_run
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
-from ....model.files.plan import Plan, plan_of, write_plan
-from ....model.files.plan_file import Obstacles
+from ....model.files.plan import Obstacles, Plan, plan_of, write_plan
 from ....model.instruments.kind import POINT, Mark, Target
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.parsing.validation import as_tuple, validate
@@ -34,7 +33,7 @@ from ....words.geometry_words import check_lines
 from ....words.message import message as message_of
 from ....words.observability import over_target_sentence
 from ....words.outlook_words import HEADS, TITLE, shown_remedies
-from ....words.plan_words import violation_words
+from ....words.plan_catalogue import violation_words
 from ..folder import Folder
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import Versioned, replacing, version_of, version_of_sum

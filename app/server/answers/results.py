@@ -17,8 +17,8 @@ from ....model.records import inline, record
 from ....reports.output.html import fragment
 from ....reports.run.front import front
 from ....reports.run.inputs import origin_of
-from ....reports.run.null_motion_section import null_motion_picture_of
 from ....reports.run.report import REPORT
+from ....reports.run.unobservable import null_motion_picture_of
 from ....words.message import read_message
 from ..folder import Folder
 from ..kept import Kept

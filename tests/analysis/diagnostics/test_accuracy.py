@@ -23,9 +23,9 @@ from scipy import stats
 from zerobeam.analysis.diagnostics.accuracy import (
     accuracy,
     arm_covariance,
+    radius95,
     tool_point,
 )
-from zerobeam.analysis.error_radius import radius95
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.analysis.tcp_region import region_postures

@@ -5,8 +5,7 @@ import pytest
 from pose_runs import CAMERA, pose_header, pose_run, postures
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.words.finding_words import notes
-from zerobeam.words.predicted_run_words import predicted_run_sentences
+from zerobeam.words.finding_words import notes, predicted_run_sentences
 
 ALL = (1, 2, 3, 4, 5, 6)
 

@@ -21,7 +21,7 @@ from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit_causes import mend
+from zerobeam.words.misfit_words import mend
 
 ON_AXIS = {"guess_mm": [0, 0, 100], "sigma_mm": 0.01}
 

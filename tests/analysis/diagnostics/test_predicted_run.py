@@ -25,9 +25,8 @@ from zerobeam.model.files.header import StatedGeometry, StatedNoise
 from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.finding_words import notes, predicted_run_message
+from zerobeam.words.finding_words import notes, predicted_run_message, predicted_run_sentences
 from zerobeam.words.message import message
-from zerobeam.words.predicted_run_words import predicted_run_sentences
 
 LEVEL = 1e-3
 PSD, NEW = (900.0, 0.0, 0.0), (850.0, -350.0, 200.0)

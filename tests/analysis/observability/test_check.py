@@ -13,7 +13,7 @@ from zerobeam.model.likelihood import constraint, kernel
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.message import headline
 from zerobeam.words.observability import reason
-from zerobeam.words.plan_words import check_notes
+from zerobeam.words.plan_catalogue import check_notes
 from zerobeam.words.sentences import to_json
 
 

@@ -34,10 +34,8 @@ from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.experiments.plans.plan_options import PlanOptions
 from zerobeam.experiments.schema import json_schema
-from zerobeam.model.files.plan import Plan, read_plan
-from zerobeam.model.files.plan_file import USUAL, StatedConstraints
-from zerobeam.model.instruments.kind import Measurement
-from zerobeam.model.instruments.proposal import ON_FLANGE
+from zerobeam.model.files.plan import USUAL, Plan, StatedConstraints, read_plan
+from zerobeam.model.instruments.kind import ON_FLANGE, Measurement
 from zerobeam.model.likelihood.problem import Problem
 
 TRACKER_PLAN = Path(__file__).parents[2] / "support" / "tracker_by_guess.yaml"

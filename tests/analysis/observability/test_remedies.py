@@ -37,8 +37,7 @@ from zerobeam.analysis.observability.identifiability import mechanisms
 from zerobeam.analysis.observability.remedies import carried_out as changed_shots
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.experiments.plans.constraints import check_plan
-from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.plan_file import StatedConstraints
+from zerobeam.model.files.plan import Plan, StatedConstraints
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.message import message, message_so_far

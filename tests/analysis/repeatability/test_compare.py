@@ -19,8 +19,14 @@ from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.left_over import holm
 from zerobeam.analysis.repeatability.compare import Comparison, sample_of
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
-from zerobeam.analysis.repeatability.consistency import RunSample, against_others, consistency, drift, mean_of
-from zerobeam.analysis.repeatability.prior_free import without_prior
+from zerobeam.analysis.repeatability.consistency import (
+    RunSample,
+    against_others,
+    consistency,
+    drift,
+    mean_of,
+    without_prior,
+)
 from zerobeam.analysis.repeatability.repeats import Kind, Repeat, fitted, problem_of, unfitted
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_readings

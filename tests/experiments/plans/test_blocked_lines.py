@@ -27,13 +27,12 @@ from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Plan, read_plan
-from zerobeam.model.files.plan_file import Obstacles
+from zerobeam.model.files.plan import Obstacles, Plan, read_plan
 from zerobeam.model.files.robot_file import built_in_robots, load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.plan_words import check_notes
+from zerobeam.words.plan_catalogue import check_notes
 
 CASE = Path(__file__).parents[2] / "support" / "beam_through_arm.yaml"
 BLOCKED = {3: (2, 0.7), 10: (4, 35.4), 18: (2, 22.8)}  # by posture: the link, and mm from its axis

@@ -8,7 +8,7 @@ from zerobeam.analysis.observability.aim import one_turn
 from zerobeam.analysis.observability.clearance import Clearance
 from zerobeam.experiments.plans import candidates as module
 from zerobeam.experiments.plans.candidates import View, candidates
-from zerobeam.model.files.plan_file import Box, Obstacles
+from zerobeam.model.files.plan import Box, Obstacles
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.likelihood.problem import Problem
 

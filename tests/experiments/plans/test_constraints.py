@@ -20,8 +20,15 @@ from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.constraints import View, check_plan, require_constraints, violations
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.plan import Plan, read_plan, write_plan
-from zerobeam.model.files.plan_file import UNCONSTRAINED, Box, Obstacles, StatedConstraints
+from zerobeam.model.files.plan import (
+    UNCONSTRAINED,
+    Box,
+    Obstacles,
+    Plan,
+    StatedConstraints,
+    read_plan,
+    write_plan,
+)
 from zerobeam.words.message import headline
 
 TARGET = (900.0, 0.0, 0.0)

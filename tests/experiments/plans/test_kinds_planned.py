@@ -16,8 +16,7 @@ from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import Portion, make_plan
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Means, Plan, read_plan
-from zerobeam.model.files.plan_file import Box, Obstacles
+from zerobeam.model.files.plan import Box, Means, Obstacles, Plan, read_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.instruments.kind import Measurement
 from zerobeam.model.likelihood.problem import Problem

@@ -16,8 +16,7 @@ from plan_requests import plan_request
 from zerobeam.analysis.observability.check import check
 from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.plan import read_plan
-from zerobeam.model.files.plan_file import Obstacles
+from zerobeam.model.files.plan import Obstacles, read_plan
 from zerobeam.words.sentences import to_json
 
 OFFSETS = [f"delta{i}" for i in range(2, 7)]

@@ -4,7 +4,7 @@ from cells import LASER, header, irb1600
 
 from zerobeam.analysis.observability.clearance import Clearance, floor_of, meets_box, segment_distance
 from zerobeam.experiments.plans.obstacles import read_obstacles
-from zerobeam.model.files.plan_file import Box, Obstacles
+from zerobeam.model.files.plan import Box, Obstacles
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.kinematics.transforms import shift

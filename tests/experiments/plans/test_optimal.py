@@ -12,8 +12,7 @@ from zerobeam.experiments.plans import patterns
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner, _length, _shortest, _two_opt, travel_order
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import read_plan, write_plan
-from zerobeam.model.files.plan_file import Obstacles
+from zerobeam.model.files.plan import Obstacles, read_plan, write_plan
 from zerobeam.model.kinematics.robot import Joint, Robot
 
 TARGET = np.array([900.0, 0.0, 0.0])

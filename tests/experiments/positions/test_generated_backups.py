@@ -12,7 +12,7 @@ from made_backups import DIALECTS, ENTERED, MadeBackup, kept, texts_after, writt
 from zerobeam.experiments.positions.audit import restored
 from zerobeam.experiments.positions.conversion import Conversion
 from zerobeam.model.arrays import Matrix
-from zerobeam.reports.positions.positions_folder import write_conversion
+from zerobeam.reports.positions.positions_page import write_conversion
 
 _EVERY = 300  # of which ten a language are not long
 

@@ -35,8 +35,7 @@ from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.output.terminal import page_text
-from zerobeam.reports.positions.positions_folder import write_conversion
-from zerobeam.reports.positions.positions_page import positions_page
+from zerobeam.reports.positions.positions_page import positions_page, write_conversion
 
 OFFSETS = np.array([0.0, -0.4, 0.3, 0.3, -0.5, 0.6])  # deg
 TARGET = (500.0, 0.0, 200.0)

@@ -24,7 +24,7 @@ from zerobeam.experiments.positions.positions_options import BackupOptions, Reac
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import write_run
-from zerobeam.reports.positions.positions_folder import write_conversion
+from zerobeam.reports.positions.positions_page import write_conversion
 
 RAPID, KRL, TP = DIALECTS["RAPID"], DIALECTS["KRL"], DIALECTS["TP"]
 UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"

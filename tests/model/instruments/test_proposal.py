@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from zerobeam.model.instruments.proposal import faces_at, station_at, target_at
+from zerobeam.model.instruments.kind import faces_at, station_at, target_at
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from plain_model import by_complex_steps
 from zerobeam.model.instruments.rotations import basis_across
 from zerobeam.model.instruments.tips import normals_at
 from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.parameters import Angle
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.model.likelihood.ties import Angle
 
 TOP, SIDE = (0.0, 0.6, 0.8), (1.0, 0.0, 0.0)
 ANGLE = Angle(0, 1, np.radians(100.0), np.radians(0.01), (TOP, SIDE))

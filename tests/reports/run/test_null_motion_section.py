@@ -17,12 +17,12 @@ from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.analysis.observability.check import check
 from zerobeam.reports.output.html import html
 from zerobeam.reports.plan.plan_page import plan_page
-from zerobeam.reports.run.null_motion_section import (
+from zerobeam.reports.run.report import report_page
+from zerobeam.reports.run.unobservable import (
     motion_picture,
     null_motion_picture_of,
     null_motion_section,
 )
-from zerobeam.reports.run.report import report_page
 from zerobeam.reports.scenes.null_motion_picture import NAME
 from zerobeam.reports.style.blocks import FigureBlock
 from zerobeam.reports.style.canvas import MovingPicture

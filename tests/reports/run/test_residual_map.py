@@ -11,7 +11,7 @@ from exact_runs import demo_runs
 from example_results import EXAMPLES, good
 
 from zerobeam.model.files.run import read_run
-from zerobeam.reports.run.residual_map import residual_map_picture
+from zerobeam.reports.run.residuals import residual_map_picture
 from zerobeam.reports.style.palette import light
 
 
