@@ -103,26 +103,34 @@ def measure(title: str, run: Path, repeat: int) -> None:
     print(", ".join(f"{name} {seconds:.2f} s ({seconds / total:.0%})" for name, seconds in parts.items()))
 
 
-def panda_2(data: Path, folder: Path) -> Path:
-    """A run file of the panda_2 recordings: a ball in two sockets 50 mm apart, the TCP free."""
+# Arms that were measured by a ball at the flange, along z of the tip, mm, in two sockets 50 mm apart.
+BALLS: dict[str, tuple[str, str, str, float]] = {
+    "panda_1": ("panda.urdf", "panda_link0", "panda_hand_tcp", 32),
+    "panda_2": ("panda.urdf", "panda_link0", "panda_hand_tcp", 32),
+    "kuka_14": ("iiwa14.urdf", "base_link", "tool0", 40),
+    "dinova_1": ("gen3lite.urdf", "kinova_base_link", "end_effector_link", 180),
+}
+BEYOND_LIMITS = "dinova_1"  # its joint 6 really went beyond the limits of the URDF
+
+
+def ball_run(data: Path, arm: str, folder: Path, geometry: str | None = "exact") -> Path:
+    """A run file of the recordings of an arm, the TCP free; `geometry` None: as arms typically deviate."""
+    urdf, base, tip, along = BALLS[arm]
     postures = {
         f"{file.parent.name}_{file.stem}": [[float(v) for v in row] for row in csv.reader(file.open())]
-        for file in sorted(data.glob("mukca/panda_2/*/hole_*.csv"))
+        for file in sorted(data.glob(f"mukca/{arm}/*/hole_*.csv"))
     }
     places = sorted({target.rpartition("_hole_")[0] for target in postures})
     header = {
         "schema": "zerobeam/run/1",
-        "robot": {
-            "urdf": str(data / "mukca/urdf/panda.urdf"),
-            "base": "panda_link0",
-            "tip": "panda_hand_tcp",
-        },
-        "tool": {"kind": "probe", "calibrated": False, "point_mm": [0, 0, 32]},
+        "robot": {"urdf": str(data / "mukca/urdf" / urdf), "base": base, "tip": tip},
+        "tool": {"kind": "probe", "calibrated": False, "point_mm": [0, 0, along]},
         "noise": {"joint_deg": 0.01, "spot_mm": 0.5},
-        "geometry": "exact",
+        "limits": "warn" if arm == BEYOND_LIMITS else "error",
         "distances": [
             {"between": [f"{place}_hole_0", f"{place}_hole_1"], "mm": 50, "sigma_mm": 0.1} for place in places
         ],
+        **({} if geometry is None else {"geometry": geometry}),
     }
     rows = [(target, joints) for target, several in postures.items() for joints in several]
     degrees = 57.29577951308232
@@ -131,7 +139,7 @@ def panda_2(data: Path, folder: Path) -> Path:
         lines.append(
             json.dumps({"shot": shot, "target": target, "joints_deg": [angle * degrees for angle in joints]})
         )
-    run = folder / "panda_2.jsonl"
+    run = folder / f"{arm}.jsonl"
     run.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return run
 
@@ -153,7 +161,7 @@ def main() -> None:
     data = Path(os.environ.get("ZEROBEAM_SHARED_DATA", ROOT.parent / "shared" / "data")).resolve()
     if (data / "mukca" / "panda_2").is_dir():
         with tempfile.TemporaryDirectory() as folder:
-            measure("panda_2", panda_2(data, Path(folder)), asked.repeat)
+            measure("panda_2", ball_run(data, "panda_2", Path(folder)), asked.repeat)
     else:
         print(f"panda_2 left out: there is no mukca/panda_2 in {data}")
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import emcee
 import numpy as np
-from analyse_time import ROOT, panda_2
+from analyse_time import ROOT, ball_run
 from arviz_stats.base import array_stats
 from threadpoolctl import threadpool_limits
 from tracker_peers import simulated
@@ -310,7 +310,9 @@ def cases(folder: Path) -> Iterator[Case]:
     data = Path(os.environ.get("ZEROBEAM_SHARED_DATA", ROOT.parent / "shared" / "data")).resolve()
     if (data / "mukca" / "panda_2").is_dir():
         for links in (False, True):
-            yield Case("panda_2", panda_2(data, folder), str(data / "mukca/urdf/panda.urdf"), links=links)
+            yield Case(
+                "panda_2", ball_run(data, "panda_2", folder), str(data / "mukca/urdf/panda.urdf"), links=links
+            )
     else:
         print(f"panda_2 left out: there is no mukca/panda_2 in {data}")
 

@@ -16,6 +16,7 @@ import argparse
 import json
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -294,8 +295,8 @@ def ur10_table(python: Path | None, data: Path) -> None:
         print(f"{name:14s} {left:.3f} mm | {one.seconds:.2f} s | {ratio:.1f} | {one.says}")
 
 
-def imported(data: Path, folder: Path) -> Path:
-    """The run that `import points` makes of series A."""
+def imported(data: Path, folder: Path, series: str = "grid_every_eighth.csv") -> Path:
+    """The run that `import points` makes of a series: A, or B (joint_configurations.csv)."""
     limits = "theta_deg: 0, lower_deg: -360, upper_deg: 360"
     rows = [
         f"  - {{a_mm: {a}, alpha_deg: {round(np.degrees(alpha))}, d_mm: {d}, {limits}}}"
@@ -313,13 +314,13 @@ def imported(data: Path, folder: Path) -> Path:
     names = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
     columns = ",".join(f"measurement_{axis}" for axis in "xyz")
     command = [
-        "zerobeam", "import", "points", str(data / "ipa" / "grid_every_eighth.csv"),
+        str(Path(sys.executable).with_name("zerobeam")), "import", "points", str(data / "ipa" / series),
         "--header", str(folder / "header.yaml"), "--joint-columns", ",".join(f"{n}_joint" for n in names),
         "--joint-units", "rad", "--columns", columns, "--units", "mm", "--uncertainty", "none",
-        "--decimal", ",", "-o", str(folder / "A.jsonl"),
+        "--decimal", ",", "-o", str(folder / f"{Path(series).stem}.jsonl"),
     ]  # fmt: skip
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    return folder / "A.jsonl"
+    return folder / f"{Path(series).stem}.jsonl"
 
 
 def main() -> None:
