@@ -72,6 +72,12 @@ def left_out(provenance: Mapping[str, object]) -> Iterator[str]:
         yield f"{noun} {clipped(numbers, 60)} of {clipped(of.partition(' (SHA')[0], 60)}"
 
 
+def made_of(provenance: Mapping[str, object]) -> str | None:
+    """The SHA-256 of the run that this one is without some of its measurements; None of any other."""
+    of = re.search(r"\(SHA-256 ([0-9a-f]{64})\)$", str(provenance.get(MADE_OF, "")))
+    return of[1] if of and LEFT_OUT in provenance else None
+
+
 def traced(kinds: Iterable[type[Instrument]]) -> list[tuple[str, tuple[str, ...]]]:
     """What a certificate names of instruments of these kinds, each entry once."""
     return list(dict.fromkeys(entry for kind in kinds for entry in kind.words.traced))

@@ -167,14 +167,17 @@ def arm_drift(
     What may have changed the arm since the last result that counts (collision, motor, mastering) makes the
     next calibration due when it happened.
     """
+    reasons = [_why_not(result) for result in results]
+    # Of measurements that two results are of, one counts: the one without those that were left out.
+    again = {result.made_of for result, reason in zip(results, reasons, strict=True) if reason is None}
     used: list[StoredResult] = []
     left_out: list[LeftOut] = []
-    for result in results:
-        reason = _why_not(result)
-        if reason is None:
+    for result, reason in zip(results, reasons, strict=True):
+        why = reason or ("its run counts without some measurements" if result.sha256 in again else None)
+        if why is None:
             used.append(result)
         else:
-            left_out.append(LeftOut(result, reason))
+            left_out.append(LeftOut(result, why))
     model, due, reason = None, None, "fewer than two results count"
     jumps: tuple[DatedJump, ...] = ()
     undecided: tuple[DatedUndecided, ...] = ()

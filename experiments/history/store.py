@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +25,7 @@ from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import read, to_json
 from ...words.message import read_message
+from ...words.provenance import made_of
 from .database import Database, arm, document, event, result
 from .stored_result import DAMAGED, Arm, Entry, Event, StoredResult, What, entry_of, moment, parsed
 
@@ -265,14 +267,26 @@ def results(
             every = [(row.serial, row.model) for row in rows if _is_named(history, row, damaged)]
         every.sort()  # a database sorts by rules of its own
         for serial, model in every:
-            for row in connection.execute(query.where(result.c.serial == serial, result.c.model == model)):
+            of_arm = connection.execute(query.where(result.c.serial == serial, result.c.model == model)).all()
+            at_once = Counter(row.measured_at for row in of_arm)
+            for row in of_arm:
                 try:
                     stored = _stored(row._asdict())
+                    if at_once[row.measured_at] > 1:
+                        stored = dataclasses.replace(stored, made_of=_made_of(connection, row.sha256))
                 except DAMAGED as error:
                     which = f"run {str(row.run)!r}, SHA-256 {str(row.sha256)[:_SHORT]}…"
                     damaged(_damage(history, (serial, model), f"the result of {which}", error, _ANEW))
                     continue
                 yield stored
+
+
+def _made_of(connection: sa.Connection, sha256: str) -> str | None:
+    """The run of which a stored one has some measurements, by its document; None where that is damaged."""
+    try:
+        return made_of(parsed(_text(connection, sha256) or "")["inputs"]["header"]["provenance"])
+    except DAMAGED:
+        return None
 
 
 def _stored(row: Values) -> StoredResult:
@@ -327,9 +341,15 @@ def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, s
     `DAMAGED` for a document that is not as it was added."""
     with history.reading() as connection:
         for run in sha256:
-            content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == run))
-            if content is not None:
-                yield run, zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()
+            text = _text(connection, run)
+            if text is not None:
+                yield run, text
+
+
+def _text(connection: sa.Connection, sha256: str) -> str | None:
+    """The whole result.json of a run; one of `DAMAGED` where it is not as it was added."""
+    content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == sha256))
+    return None if content is None else zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()
 
 
 def message_of(history: Database, sha256: str | None) -> Message | None:
@@ -385,7 +405,7 @@ def whole_answer(history: Database, stored: StoredResult) -> Result:
     try:
         ((_, text),) = documents(history, [stored.sha256])
         entry = entry_of(text, Path(stored.run), stored.serial, stored.measured_at.isoformat())
-        names = [field.name for field in dataclasses.fields(StoredResult)]
+        names = [field.name for field in dataclasses.fields(StoredResult) if field.compare]
         differing = [name for name in names if getattr(entry, name) != getattr(stored, name)]
         if not differing:
             return parse_result(text)

@@ -36,6 +36,7 @@ from ...words.provenance import (
     by_plain_key,
     first_entry,
     instrument,
+    made_of,
     provenance_entry,
 )
 
@@ -94,6 +95,8 @@ class StoredResult:
     may: Annotated[May | None, it("`message.may` of the result: `enter`, `certify`, `export`"), if_any] = (
         field(default=None, kw_only=True)
     )
+    # The SHA-256 of the run that this one is without some of its measurements, where both may be of one time.
+    made_of: Annotated[str | None, internal] = field(default=None, kw_only=True, compare=False)
 
     def __post_init__(self) -> None:
         for offset in self.offsets:
@@ -269,6 +272,7 @@ def _entry(result: Result, text: str, serial: str, measured_at: datetime) -> Ent
         made_by=_text(inputs.versions["zerobeam"]),
         document_sha256=hashlib.sha256(text.encode()).hexdigest(),
         text=text,
+        made_of=made_of(inputs.provenance),
     )
 
 

@@ -35,6 +35,7 @@ from .history_tables import (
     events_table,
     jumps_blocks,
     offsets_blocks,
+    result_table,
     verdict_cell,
 )
 from .trend_figure import AT_ONCE
@@ -174,6 +175,8 @@ def _sections(history: ArmHistory) -> Iterator[Section]:
         yield section_of("Offsets over time", *_trend(history))
         yield section_of("Jumps", *jumps_blocks(arm))
         yield section_of("Offsets now", *offsets_blocks(arm), *_never(history))
+    elif len(arm.used) == 1:
+        yield section_of("Offsets", result_table(arm.used[0]))
     if history.results:
         yield replace(
             section_of("Calibrations", calibrations(history), Paragraph(_CERTIFY)),

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from ...analysis.answer.answer_message import Message
 from ...analysis.drift.instrument_biases import Bias
+from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict
 from ...experiments.history.arm_drift import FEW, ArmDrift, DatedChange, DriftingOffset, Rate
 from ...experiments.history.arm_history import HISTORY_SCHEMA, ClearestJump, offset_names
@@ -224,6 +225,19 @@ def offsets_blocks(arm: ArmDrift) -> Iterator[Block]:
             f"{listed(assumed)}: assumed. What was assumed is the same in every result: more results do not"
             " make it better."
         )
+
+
+def result_table(result: StoredResult) -> Table:
+    """Every offset of the one result that counts, with what its status allows."""
+    columns: Columns[ParameterRow] = {
+        "offset": lambda row: label(row.name),
+        "estimate": lambda row: (
+            _UNKNOWN if row.estimate is None or row.std is None else _with_u(row.estimate, row.std, row.unit)
+        ),
+        "status": lambda row: Cell(status_words(row.status), mark=row.status),
+    }
+    estimated = [row for row in result.offsets if not row.held]
+    return table_by(f"Offsets of the one result that counts, {day(result.measured_at)}", estimated, columns)
 
 
 _UNKNOWN = Cell("not determined", mark="unidentifiable")

@@ -14,9 +14,10 @@ from typing import Any
 
 import pytest
 from child import ZEROBEAM, child
-from histories import a_result, adding, postgresql, write_result
+from histories import a_result, adding, as_misfit, postgresql, write_result
 
 from zerobeam.experiments.history import store
+from zerobeam.experiments.history.arm_drift import arm_drift
 from zerobeam.experiments.history.database import Database, open_history
 from zerobeam.experiments.history.store import (
     add,
@@ -27,9 +28,11 @@ from zerobeam.experiments.history.store import (
     events,
     find_arm,
     results,
+    whole_answer,
 )
 from zerobeam.experiments.history.stored_result import Entry, Event, read_entry
 from zerobeam.model.errors import BadInput
+from zerobeam.model.files.run import LEFT_OUT, MADE_OF
 from zerobeam.model.records import to_json
 
 
@@ -111,6 +114,31 @@ def test_another_fifteenth_digit_is_no_other_result(history: Database, tmp_path:
     assert add(history, read) == ["added", "already there", *["refused"] * 3]
     ((_, text),) = documents(history, [read[0].sha256])
     assert json.loads(text) == first
+
+
+def test_measurements_that_two_results_are_of_count_once(history: Database, tmp_path: Path) -> None:
+    """A run without a bad measurement is kept beside the whole one: one of them has a part in the drift."""
+    whole, later = a_result(when="2026-03-31"), a_result(when="2026-06-30")
+    of = f"run.jsonl (SHA-256 {whole['inputs']['sha256']})"
+    without = a_result(when="2026-03-31", **{LEFT_OUT: "4", MADE_OF: of})
+    same_day = a_result(when="2026-03-31", who="J. Doe")
+    every = [entry(tmp_path, one) for one in (whole, without, same_day, later)]
+    assert set(add(history, every)) == {"added"}
+    arm = ("A-1", "irb1600")
+    drift = arm_drift(arm, list(results(history, arm)), [], 0.5)
+    (left,) = drift.left_out
+    assert (left.result.sha256, left.reason) == (
+        whole["inputs"]["sha256"],
+        "its run counts without some measurements",
+    )
+    assert len(drift.used) == 3
+    # What does not count itself takes no other's part.
+    misfit = entry(tmp_path, as_misfit(without))
+    assert add(history, [misfit], replace=True) == ["replaced"]
+    drift = arm_drift(arm, list(results(history, arm)), [], 0.5)
+    assert [one.result.sha256 for one in drift.left_out] == [without["inputs"]["sha256"]]
+    for stored in results(history, arm):
+        assert whole_answer(history, stored).inputs.sha256 == stored.sha256
 
 
 def test_the_results_of_an_arm_are_in_the_order_of_time(history: Database, tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.reports.style.palette import light
+from zerobeam.words import numbers
 
 LABEL = "J3 (δ3)"
 
@@ -253,7 +254,15 @@ def test_one_result_says_nothing_of_drift() -> None:
     assert own.state == "no due date"
     assert headline(own).sentence.startswith("One result counts: a drift needs two. ")
     assert pictures(own) == {}
-    assert "Offsets over time" not in shown(own).words
+    page = shown(own)
+    assert "Offsets over time" not in page.words
+    # What it says of the offsets is there all the same, with what its status allows.
+    rows = {row.name: row for row in own.results[0].offsets if not row.held}
+    assert page.row("J6 (δ6)")[1:] == [page.row("J6 (δ6)")[1], "assumed"]
+    assert rows["delta4"].std is not None
+    assert page.row("J4 (δ4)")[1].endswith(f"± {numbers.spread(rows['delta4'].std, 'deg')}")
+    lost = shown(arm_history(over_years(1, lost=(0,))))
+    assert lost.row(LABEL)[1:] == ["not determined", "unidentifiable"]
 
 
 def test_an_arm_with_events_alone_has_a_page() -> None:
