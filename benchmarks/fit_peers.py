@@ -142,7 +142,7 @@ def pybotics_fit(cost: Cost) -> Fit:
 
     def residual(x: Array, handler: OptimizationHandler) -> Array:
         handler.apply_optimization_vector(THETA[1:] + x[:5])
-        return cost.by_flange(np.array([handler.robot.fk(q, "deg") for q in cost.joints]), x)
+        return cost.by_flange(np.array([handler.robot.fk(q) for q in cost.joints]), x)
 
     def fit() -> Array:
         robot = Robot(MDHKinematicChain.from_parameters(rows.ravel()))

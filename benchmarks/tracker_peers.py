@@ -276,7 +276,7 @@ def pybotics_robot(model: Model, x: Array) -> Any:
 def simulated_by_pybotics(arm: Mapping[str, Array]) -> Array:
     """(N, 3) mm without noise, of the `rows`, `turn`, `shift`, `x` and `joints` (N, 6) of an arm."""
     robot = pybotics_robot(Model(arm["rows"], arm["turn"], arm["shift"]), arm["x"])
-    return np.array([robot.fk(q, "deg")[:3, 3] for q in arm["joints"]])
+    return np.array([robot.fk(q)[:3, 3] for q in arm["joints"]])
 
 
 def pybotics_answer(data: Data) -> dict[str, Any]:
@@ -297,7 +297,7 @@ def pybotics_answer(data: Data) -> dict[str, Any]:
     handler.apply_optimization_vector(done.x)
     theta = done.x[:24].reshape(6, 4)[:, 2] - data.model.rows[:, THETA]
     return {
-        "positions": np.array([handler.robot.fk(q, "deg")[:3, 3] for q in data.held_joints]),
+        "positions": np.array([handler.robot.fk(q)[:3, 3] for q in data.held_joints]),
         "offsets": theta.tolist(),
         "std": None,
         "says": done.message,
