@@ -254,6 +254,7 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
             "--cell": request.cell,
             "--recorded": request.recording,
             "--adaptive": request.adaptive or None,
+            "--closing": request.closing or None,
             "--once-more": request.once_more or None,
         },
         _for_a_beam(plan),

@@ -337,6 +337,9 @@ def test_a_probe_is_led_by_hand(tmp_path: Path) -> None:
     assert (tmp_path / "part.jsonl").read_bytes() == b"".join(rows)
     with pytest.raises(BadInput, match="--adaptive is for a laser"):
         record(plan, tmp_path / "other.jsonl", RunRequest("simulated", adaptive=True, tolerance=0.1), silent)
+    with pytest.raises(BadInput, match="--closing is for a laser"):
+        record(plan, tmp_path / "other.jsonl", RunRequest("simulated", closing=True), silent)
+    assert not (tmp_path / "other.jsonl").exists()
 
 
 def test_a_recorded_run_is_replayed_to_the_same_answer(
