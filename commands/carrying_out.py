@@ -95,7 +95,7 @@ def run(
             answer = record(planned, file, request, report)
         except KeyboardInterrupt:
             if file.exists():
-                kept = f"What is recorded stays in {file}: --resume goes on with it."
+                kept = f"What is recorded stays in {file}: the same command with --resume goes on."
                 say(kept, to=err)
             raise
     if as_json or not json_lines:

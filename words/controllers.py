@@ -81,6 +81,8 @@ def links_command(vendor: str | None, robot: object) -> tuple[str, str]:
 def export_sentence(vendor: str | None) -> str:
     """What to write for a controller."""
     taken = taken_by(vendor)
+    if vendor == "abb":
+        return "Export the values: a module corrects programs by them (motors: export moc)."
     if taken == "offsets":
         return "Export the values for this controller; the file says how to enter them."
     programs = ", or convert its programs (zerobeam positions reach)" if taken == "programs" else ""

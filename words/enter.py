@@ -15,8 +15,8 @@ WHY_THEY_DIFFER = (
     " also make up for links that deviate and joints that deflect, as far as offsets can. The U of a value"
     " includes how well these are known: it may be larger than that of the offset."
 )
-U_OF_VALUES = "Values make up for links too: their U is larger than the offsets' above."
-ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is larger."  # fitted together
+U_OF_VALUES = "Values make up for links too: their U is not the offsets'."
+ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is theirs."  # fitted together
 NOT_CLAIMED = "Their gain at the TCP is not claimed: it depends on an undetermined offset."
 TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on an undetermined offset."
 TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."

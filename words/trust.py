@@ -111,8 +111,10 @@ def trusted(row: _Row, k: float, tolerances: Mapping[str, float]) -> str:
             return "no: assumed"
         case "weak":
             limit = tolerances.get(row.unit)
-            beyond = limit is not None and row.std is not None and row.std > limit
-            return f"no: {WEAK}{f', {above(limit, k, row.unit)}' if limit and beyond else ''}"
+            if limit is None or row.std is None:
+                return f"no: {WEAK}"
+            # The status is that of the data alone: a prior can bring u below the tolerance.
+            return f"no: {WEAK}, {above(limit, k, row.unit) if row.std > limit else 'without its prior'}"
         case "unvalidated":
             return "no: the model does not fit"
         case "unidentifiable":

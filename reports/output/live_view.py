@@ -259,7 +259,7 @@ def led_view(console: Console) -> Listener:
             case Withdrawn():
                 _say(console, f"Measurement {event.shot} is removed, to be repeated.")
             case GivenUp():
-                _say(console, f"Posture {event.shot} is skipped ({shown(event.found)}).")
+                _say(console, f"Measurement {event.shot} is skipped ({shown(event.found)}).")
             case _:
                 pass
 
@@ -280,13 +280,13 @@ def _beginning(event: RunOpened) -> str:
 
 def _request(event: PostureRequested, joints: str) -> str:
     """`joints` says what a person does for them."""
-    of = f"{event.done + 1}" + (f" of {event.postures}" if event.shot < event.postures else "")
+    done = f"{event.done}" + (f" of {event.postures}" if event.shot < event.postures else "") + " done"
     which = _which(event.instrument, event.reflector)
     also = f"; then measurement {listed([str(number) for number in event.also])}" if event.also else ""
     what = shown(event.target) if event.reads else f"target {shown(event.target)}"
     reads = f"; then {_reads(event.reads)}" if event.reads else ""
     return (
-        f"Posture {of} (measurement {event.shot}{again_words(event.again)}), {what}{which}: go there,"
+        f"Measurement {event.shot}{again_words(event.again)} ({done}), {what}{which}: go there,"
         f" {event.act}, and {joints}{reads}{also}."
     )
 

@@ -115,7 +115,8 @@ def _first(answer: Conversion) -> Iterator[Block]:
     if answer.entered:
         zeros = ", ".join(f"{one.joint} {one.value:+.4f}" for one in answer.entered)
         yield Paragraph(
-            f"Entered ({answer.source}), deg (mm): {zeros}. At the same place each joint reads so much more."
+            f"Entered ({answer.source}), deg (mm): {zeros}. At the same place each joint reads so much more,"
+            " less where it is negative."
         )
     elif answer.source:
         yield Paragraph(f"By {answer.source}: nothing is entered at the controller.")

@@ -60,7 +60,7 @@ def test_a_person_is_led_through_the_plan(plan: Path, monkeypatch: pytest.Monkey
     answer = led(plan, monkeypatch, *TYPED)
     assert answer.status == 0, answer.err
     assert joints_of(plan) == WHOLE
-    assert "Posture 1 of 5 (measurement 0), target psd" in answer.err
+    assert "Measurement 0 (0 of 5 done), target psd" in answer.err
     assert "u, ° or mm: J2" in answer.err
     assert "→" in answer.err
     assert "Pass" in answer.out
@@ -133,7 +133,7 @@ def test_skip_redo_comment_and_another_posture(plan: Path, monkeypatch: pytest.M
     assert "Measurement 0 is removed" in answer.err
     assert "skipped" in answer.out
     # A resumed run asks for what was skipped.
-    assert "Posture 5 of 5 (measurement 2)" in led(plan, monkeypatch, TYPED[2], asked=("--resume",)).err
+    assert "Measurement 2 (4 of 5 done)" in led(plan, monkeypatch, TYPED[2], asked=("--resume",)).err
     assert set(joints_of(plan)) == {0, 1, 2, 3, 4}
 
 
