@@ -82,7 +82,7 @@ def export_sentence(vendor: str | None) -> str:
     """What to write for a controller."""
     taken = taken_by(vendor)
     if vendor == "abb":
-        return "Export the values: a module corrects programs by them (motors: export moc)."
+        return "Export the values: a RAPID module that corrects programs by them."
     if taken == "offsets":
         return "Export the values for this controller; the file says how to enter them."
     programs = ", or convert its programs (zerobeam positions reach)" if taken == "programs" else ""
