@@ -66,8 +66,8 @@ export function App() {
   const lost = missing && (step !== "plan" || !opened);
   return html`
     <a class="skip" href="#content"
-      onClick=${(/** @type {Event} */ event) => { event.preventDefault(); content.current?.focus(); }}>To the
-      content</a>
+      onClick=${(/** @type {Event} */ event) => { event.preventDefault(); content.current?.focus(); }}
+    >To the content</a>
     <header class="top">
       <a class="brand" href="#/" aria-current=${view === "home" ? "page" : undefined}>zerobeam</a>
       ${view === "job"
