@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +84,7 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
         tab.on(lambda page: page.locator("#hand-line").fill(joints[1]))
         press(tab, "Record")
         wait(tab, f"{IN_HAND}.includes('The joint values are taken.')")
-        assert tab.value("document.activeElement.closest('label').textContent") == READING
+        wait(tab, f"document.activeElement.closest('label')?.textContent === {json.dumps(READING)}")
         assert (tab.accessibility(), tab.overflow()) == ([], 0)
         for text in ("1.234,5 20 300", "1,234 20 300", "12 20"):
             fill(tab, READING, text)
