@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -26,7 +25,7 @@ import tracker_table as tracker
 from analyse_time import BALLS, ball_run
 from threadpoolctl import threadpool_limits
 
-from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, leave_one_out
+from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, leave_one_out, pooled
 from zerobeam.analysis.diagnostics.predicted_run import PredictedRun, predict_problem
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.solution import Solution
@@ -36,16 +35,8 @@ from zerobeam.model.likelihood.problem import Problem
 
 SERIES = {"A": "grid_every_eighth.csv", "B": "joint_configurations.csv"}
 SIXTH, OTHERS = slice(0, None, 6), slice(3, None, 6)
-HEAD = (
-    "arm",
-    "fitted",
-    "predicted",
-    "nominal",
-    "offsets alone",
-    *tracker_peers.PEERS,
-    "zerobeam",
-    "forecast",
-)
+LEFT = ("nominal", "offsets alone", *tracker_peers.PEERS, "zerobeam")
+HEAD = ("arm", "fitted", "predicted", *LEFT, "forecast")
 
 
 @dataclass(frozen=True)
@@ -101,14 +92,6 @@ def by_others(run: Run) -> tuple[Solution, LeaveOneOut]:
     found = solve_run(Problem.from_run(run), run.header)
     left = leave_one_out(found, fits_without(found))
     return found, left or LeaveOneOut((), None, None)
-
-
-def pooled(rows: Sequence[tuple[int, float | None]]) -> float | None:
-    """The rms of the measurements of all rows; None where one has none."""
-    squares = [count * value**2 for count, value in rows if value is not None]
-    if not rows or len(squares) < len(rows):
-        return None
-    return float(np.sqrt(sum(squares) / sum(count for count, _ in rows)))
 
 
 def of_tracker(data: Path, series: str, folder: Path, python: Path | None) -> Row:

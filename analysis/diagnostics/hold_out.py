@@ -249,15 +249,15 @@ def leave_one_out(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Le
     rows = tuple(judged(whole, [fit.placement], fit.calibration, fit.failure) for fit in fits)
     return LeaveOneOut(
         rows,
-        _pooled([(row.shots, row.rms_mm) for row in rows]),
-        _pooled([(row.shots, row.expected_mm) for row in rows]),
+        pooled([(row.shots, row.rms_mm) for row in rows]),
+        pooled([(row.shots, row.expected_mm) for row in rows]),
     )
 
 
-def _pooled(rows: Sequence[tuple[int, float | None]]) -> float | None:
-    """The rms over all measurements of the rms of each placement."""
+def pooled(rows: Sequence[tuple[int, float | None]]) -> float | None:
+    """The rms over all measurements of the rms of each placement; None where one or all are missing."""
     squares = [count * value**2 for count, value in rows if value is not None]
-    if len(squares) < len(rows):
+    if not rows or len(squares) < len(rows):
         return None
     return float(np.sqrt(sum(squares) / sum(count for count, _ in rows)))
 

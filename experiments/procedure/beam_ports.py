@@ -33,6 +33,14 @@ from .steering import Belief, come_to
 
 _WIDEST = 320  # px of a picture that is told
 _BETWEEN_S = 0.25  # from one picture to the next
+PHASES = ("move", "search", "servo", "settle")
+ATTEMPTS = 3
+_SETTLE_S = 0.5
+_SAMPLES = 100
+_DRIFTS = 6.0  # stds by which the spot may move while it is averaged, and so many mm more
+_DRIFTS_MM = 0.02
+_NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of the nominal values, for aiming
+_READ_ALIKE = 6.0  # stds of a joint reading
 
 
 class WatchedRig:
@@ -111,16 +119,6 @@ def _rounded(values: Matrix, digits: int) -> tuple[float, ...]:
     return tuple((np.round(values, digits) + 0.0).tolist())
 
 
-PHASES = ("move", "search", "servo", "settle")
-ATTEMPTS = 3
-_SETTLE_S = 0.5
-_SAMPLES = 100
-_DRIFTS = 6.0  # stds by which the spot may move while it is averaged, and so many mm more
-_DRIFTS_MM = 0.02
-_NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of the nominal values, for aiming
-_READ_ALIKE = 6.0  # stds of a joint reading
-
-
 class BeamPorts(Ports):
     """The ports of a rig. `scene`: whether to tell where the arm is sent and what the camera sees."""
 
@@ -146,16 +144,13 @@ class BeamPorts(Ports):
     def move_to(self, number: int, attempt: int) -> None:
         """With the beam onto the target, from the posture."""
         self.listener(Attempted(number, attempt, self.now()))
-        rig, belief = self.rig, self._belief
-        psd, posture = (
-            rig.psds[self.plan.called[self._posture(number)]],
-            self.plan.postures[self._posture(number)],
-        )
+        rig, belief, row = self.rig, self._belief, self._posture(number)
+        psd, posture = rig.psds[self.plan.called[row]], self.plan.postures[row]
         with self._phase("move"):
             rig.laser(False)
             joints = belief.onto_target(posture) if rig.steerable else None
             joints = posture if joints is None else joints
-            for between in self.plan.via_of(self._posture(number)) if rig.steerable else ():
+            for between in self.plan.via_of(row) if rig.steerable else ():
                 obey()
                 rig.move(between)
             come_to(rig, belief, joints)
