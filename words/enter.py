@@ -16,7 +16,8 @@ WHY_THEY_DIFFER = (
     " includes how well these are known: it may be larger than that of the offset."
 )
 U_OF_VALUES = "Values make up for links too: their U is not the offsets'."
-ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is theirs."  # fitted together
+# They are fitted together.
+ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is their own."
 NOT_CLAIMED = "Their gain at the TCP is not claimed: it depends on an undetermined offset."
 TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on an undetermined offset."
 TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."
