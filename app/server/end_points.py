@@ -27,7 +27,7 @@ from .answers import (  # noqa: F401 - each enters its end points
     run_history,
     unfinished_runs,
 )
-from .folder import FolderFile
+from .index import FolderFile
 from .job_commands import job_command
 from .jobs import JobBrief, Jobs, JobWhole
 from .requests import END_POINTS, ErrorAnswer, end_point

@@ -22,10 +22,11 @@ from ...model.files.whole_file import write_whole
 from ...model.parsing.confinement import confined
 from ...model.parsing.reading import LARGEST_YAML, parse_json, read_text
 from ...words.sentences import to_json
-from .answers.results import read_result, report_files
+from .answers.results import report_files
 from .end_points import description
-from .folder import Folder, kind_of
+from .folder import Folder
 from .guard import LARGEST_BODY, SHOWN, Access, refusal
+from .index import Index, kind_of, read_result
 from .jobs import Jobs
 from .requests import END_POINTS, Arguments, EndPoint, Precondition, require_plain
 from .versions import (
@@ -38,6 +39,7 @@ from .versions import (
 )
 
 PATIENCE_S = 120.0  # for the body of a request
+MOST_FILES = 2000  # listed
 _SHOWN_TEXT = 10**6  # bytes
 _ALONE = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline';"
@@ -94,8 +96,10 @@ class EndPoints:
         return answered
 
     async def files(self, request: Request) -> Response:
-        files = await asyncio.to_thread(self.folder.files)
-        return _unless_known(request, JSONResponse([to_json(file) for file in files]))
+        def listed() -> JSONResponse:
+            return JSONResponse([to_json(file) for file in Index(self.folder).files[:MOST_FILES]])
+
+        return _unless_known(request, await asyncio.to_thread(listed))
 
     async def download(self, request: Request) -> Response:
         path = self.folder.file(request.query_params.get("file", ""))

@@ -11,12 +11,11 @@ from typing import Annotated, Any
 
 from ...model.errors import BadInput
 from ...model.records import it, record, to_json
-from .kept import Kept
+from .kept import kept
 from .requests import Content, ErrorAnswer, Precondition
 
 MOST_HASHED = 16 * 10**6  # bytes; a larger file has its version by size and time
 _DIGITS = 32
-_VERSIONS = Kept(8000)
 
 
 @record(kw_only=True)
@@ -67,12 +66,9 @@ def version_of_sum(sha256: str) -> str:
     return sha256[:_DIGITS]
 
 
+@kept(8000)
 def version_of(path: Path) -> str:
     """The version of a file; OSError where it cannot be read."""
-    return _VERSIONS.of(path, _version)
-
-
-def _version(path: Path) -> str:
     facts = path.stat()
     if facts.st_size > MOST_HASHED:
         return f"{facts.st_size:x}-{facts.st_mtime_ns:x}-{facts.st_ino:x}"[:_DIGITS]
@@ -108,7 +104,7 @@ def replacing(path: Path, precondition: Precondition, current: Callable[[], obje
             remedy="save under a new name, or as a new file of this name",
             file=path,
         )
-    if there and (match is None or none_match is not None or not matches(match, _version(path))):
+    if there and (match is None or none_match is not None or not matches(match, version_of.make(path))):
         raise _conflict(path, changed=match is not None, current=current)
     try:
         yield there
@@ -126,7 +122,7 @@ def _conflict(path: Path, *, changed: bool, current: Callable[[], object]) -> Co
         remedy="look at both, and keep one of them or choose another name",
         file=path,
     )
-    version = _version(path)
+    version = version_of.make(path)
     try:
         content = current()
     except BadInput:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import time
 from pathlib import Path
@@ -14,12 +15,14 @@ import pytest
 from histories import a_result, write_result
 from starlette.testclient import TestClient
 
+from zerobeam.app.server import index
 from zerobeam.app.server.answers import due_dates, home
 from zerobeam.app.server.folder import Folder
 from zerobeam.experiments.history.arm_drift import arm_drift
 from zerobeam.experiments.history.database import open_history
 from zerobeam.experiments.history.store import add, results
 from zerobeam.experiments.history.stored_result import read_entry
+from zerobeam.model.files.robot_file import BUILT_IN
 from zerobeam.model.files.run import read_run, write_run
 
 HEADER = "robot: ur5e\ntool: {kind: probe, point_mm: [0, 0, 60]}\nnoise: {joint_deg: 0.01, spot_mm: 0.1}\n"
@@ -132,6 +135,17 @@ def test_a_broken_file_is_said_where_it_is(
     assert answer["."]["state"]["kind"] in ("measured", "planned")
 
 
+def test_a_plan_is_read_anew_once_its_robot_is_there(client: TestClient, root: Path) -> None:
+    (root / "own").mkdir()
+    plan = (root / "plan.yaml").read_text()
+    (root / "own/plan.yaml").write_text(re.sub(r"^robot: .*$", "robot: arm.yaml", plan, flags=re.MULTILINE))
+    dated(root, ["own/plan.yaml"])
+    state = listed(client)["own"]["state"]
+    assert (state["kind"], "the file of the robot is not there" in state["text"]) == ("unreadable", True)
+    shutil.copy(BUILT_IN / "irb1600.yaml", root / "own/arm.yaml")
+    assert listed(client)["own"]["state"]["text"] == "planned: 7 measurements"
+
+
 def test_links_lead_nowhere(client: TestClient, root: Path) -> None:
     (root.parent / "elsewhere").mkdir()
     (root.parent / "elsewhere/header.yaml").write_text(HEADER)
@@ -150,11 +164,10 @@ def test_five_hundred_runs_are_read_once(
         (root / name).mkdir()
         (root / name / "run.jsonl").write_text(run)
     dated(root, [f"{name}/run.jsonl" for name in names])
-    monkeypatch.setattr(home, "_PATIENCE_S", 60.0)
+    monkeypatch.setattr(home, "PATIENCE_S", 60.0)
     first = listed(client)
     assert len(first) == 501
-    readers: dict[str, Any] = {kind: (kept, None) for kind, (kept, _) in home._READERS.items()}
-    monkeypatch.setattr(home, "_READERS", readers)  # whatever is read anew fails
+    monkeypatch.setattr(index._facts_of, "make", None)  # whatever is read anew fails
     assert listed(client) == first
 
 
@@ -162,11 +175,11 @@ def test_what_takes_long_is_said_next_time(root: Path, monkeypatch: pytest.Monke
     dated(root, ["run.jsonl", "plan.yaml"])
     (root / "sub/plan.yaml").write_text((root / "plan.yaml").read_text() + "# another\n")
     dated(root, ["sub/plan.yaml"])
-    monkeypatch.setattr(home, "_PATIENCE_S", -1.0)
+    monkeypatch.setattr(home, "PATIENCE_S", -1.0)
     late = home.home(Folder(root))
     state = {row.name: row.state for row in late.calibrations}["sub"]
     assert (late.unread > 0, state.kind, state.text) == (True, "planned", "not read yet")
-    monkeypatch.setattr(home, "_PATIENCE_S", 60.0)
+    monkeypatch.setattr(home, "PATIENCE_S", 60.0)
     assert home.home(Folder(root)).unread == 0
 
 

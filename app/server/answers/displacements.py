@@ -22,12 +22,12 @@ from ....model.files.run import Run, read_run
 from ....model.records import it, record
 from ....words.numbers import number_in
 from ....words.wording import label, listed
-from ..kept import Kept
+from ..kept import kept
 
 Vec = tuple[float, float, float]
 
 _MOVES_MM = 1e-3  # by so much where it is one degree (mm) off: an offset that moves the TCP by less does not
-_RUNS = Kept(4)
+_recorded = kept(4)(read_run)
 
 
 @record(kw_only=True)
@@ -107,7 +107,7 @@ def _vectors(
     if result.verdict == "misfit":
         return None, "The model does not describe the measurements: no displacement of the TCP is known."
     try:
-        recorded = _RUNS.of(run, read_run)
+        recorded = _recorded(run)
     except BadInput:
         return None, "The run of this result cannot be read: the displacement of the TCP is not computed."
     joints_of = {shot.shot: shot.joints_deg for shot in recorded.shots}

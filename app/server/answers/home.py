@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import re
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
@@ -14,33 +11,25 @@ from typing import Annotated, Any, Literal
 from ....analysis.answer.result import Result
 from ....analysis.status import Verdict
 from ....model.errors import BadInput
-from ....model.files.header import RUN_SCHEMA, Header, UrdfRef
-from ....model.files.plan import plan_of
-from ....model.files.robot_file import built_in_robots, read_rows, stated_rows
+from ....model.files.robot_file import RobotFile, built_in_robots, read_rows, stated_rows
 from ....model.instruments.registry import kinds_of
-from ....model.parsing.reading import read_yaml
-from ....model.parsing.validation import validate
 from ....model.records import if_any, it, record
 from ....words.message import read_message, result_words
 from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_simulated
 from ....words.wording import clipped, counted
-from ..folder import Folder, KindOfFile
-from ..kept import Kept
+from ..folder import Folder
+from ..index import Facts, FolderFile, Head, Index, Unread
+from ..kept import kept
 from ..requests import end_point
 from ..started_runs import StartedRuns
 from .due_dates import DueDate, due_dates
-from .results import read_result, sha256_of
 from .unfinished_runs import PLAN_HASH
 
 MOST = 1000  # calibrations
-_KEPT = 8000
-_LARGEST_RESULT = 4 * 10**6  # bytes
-_LARGEST_RUN = 16 * 10**6  # bytes
-_PATIENCE_S = 2.0  # of one answer for files that were not read before; the next answer has more of them
-_SHOT = re.compile(rb'"shot"\s*:\s*(\d+)')
+PATIENCE_S = 2.0  # of one answer for files that were not read before; the next answer has more of them
 _WIDTH = 80
 _DATABASES = frozenset({".db", ".sqlite", ".sqlite3"})
-_RUNS, _PLANS, _HEADERS, _ROWS, _BRIEFS = Kept(_KEPT), Kept(_KEPT), Kept(_KEPT), Kept(_KEPT), Kept(_KEPT)
+_rows = kept(1000)(read_rows)
 
 StateKind = Literal[
     "empty",
@@ -119,73 +108,15 @@ class HomeAnswer:
     history: Annotated[bool, it("whether the folder has a database of results")]
 
 
-@dataclass(frozen=True)
-class _Facts:
-    """What a file says of its arm: `robot` as it is stated, relative to `start`."""
-
-    robot: object
-    instrument: str
-    serial: str | None = None
-    simulated: bool = False
-    count: int = 0
-    shots: frozenset[int] = frozenset()
-    plan_sha256: str | None = None
-
-
-@dataclass(frozen=True)
-class _Unread:
-    """Why a file says nothing; `later`: it was not read yet."""
-
-    why: str
-    later: bool = False
-
-
-_Part = _Facts | Result | _Unread
-
-
-class _Reading:
-    """Reads files of the folder, those that are not known yet for a bounded time."""
-
-    def __init__(self, folder: Folder) -> None:
-        self.folder = folder
-        self.runs = StartedRuns(folder)
-        self._end = time.monotonic() + _PATIENCE_S
-
-    def facts(self, kind: str, name: str) -> _Part:
-        kept, make = _READERS[kind]
-
-        def timely(path: Path) -> _Part:
-            if time.monotonic() > self._end:
-                raise TimeoutError
-            try:
-                made: _Part = make(path)
-                return made
-            except BadInput as error:
-                return _Unread(self.folder.without(_first_line(error)))
-
-        try:
-            part: _Part = kept.of(self.folder.root / name, timely)
-            return part
-        except TimeoutError:
-            return _Unread("not read yet", later=True)
-        except OSError as error:
-            return _Unread(f"the file cannot be read: {error.strerror}")
-
-
-def _first_line(error: BadInput) -> str:
-    where = "" if error.line is None else f"line {error.line}: "
-    return clipped(f"{where}{error.what}", 200)
-
-
 @end_point(
     "GET /api/home", "The calibrations of the folder, how far each is, when the next of an arm is due."
 )
 def home(folder: Folder) -> HomeAnswer:
     """The calibrations of the folder. Nothing is fitted, and a broken file is said where it is."""
-    reading = _Reading(folder)
-    rows = list(_by_calibration(reading, folder.of_kinds(frozenset(_PARTS))).items())
-    made = [_calibration(reading, name, files) for name, files in rows[:MOST]]
-    databases = folder.of_suffix(_DATABASES)
+    index, runs = Index(folder, PATIENCE_S), StartedRuns(folder)
+    rows = list(_by_calibration(index).items())
+    made = [_calibration(index, runs, name, files) for name, files in rows[:MOST]]
+    databases = index.of_suffix(_DATABASES)
     return HomeAnswer(
         calibrations=_with_due_dates([calibration for calibration, _ in made], databases),
         left_out=len(rows) - len(made),
@@ -211,161 +142,139 @@ def _due(due: DueDate) -> CalibrationDue:
     return CalibrationDue(date=date, overdue=due.overdue, text=text)
 
 
-def _by_calibration(reading: _Reading, files: list[KindOfFile]) -> dict[str, list[KindOfFile]]:
+def _by_calibration(index: Index) -> dict[str, list[FolderFile]]:
     """The files of each calibration, the newest first; a report's result is with its run."""
-    runs: dict[str, list[str]] = {}
+    files = index.of_kinds(*_PARTS)
+    runs: dict[str, list[FolderFile]] = {}
     for file in files:
         if file.kind == "run":
-            runs.setdefault(_above(file.path), []).append(file.path)
-    of_folder: dict[str, list[KindOfFile]] = {}
+            runs.setdefault(_above(file.path), []).append(file)
+    of_folder: dict[str, list[FolderFile]] = {}
     for file in files:
         parent = _above(file.path)
         above = runs.get(_above(parent), []) if parent != "." and file.kind == "result" else []
-        if above and _is_report(reading, file.path, above):
+        if above and _is_report(index, file, above):
             parent = _above(parent)
         of_folder.setdefault(parent, []).append(file)
     return {name: rows for name, rows in of_folder.items() if any(row.kind in _MAKING for row in rows)}
 
 
-def _is_report(reading: _Reading, result: str, runs: list[str]) -> bool:
+def _is_report(index: Index, result: FolderFile, runs: list[FolderFile]) -> bool:
     """Whether a result is in the folder of a report of one of the `runs`; a broken one is taken for that."""
-    root = reading.folder.root
-    if not (root / result).with_name("report.html").is_file():
+    if not result.at.with_name("report.html").is_file():
         return False
-    read = reading.facts("result", result)
-    if not isinstance(read, Result):
-        return True
-    return read.inputs.sha256 in {sha256_of(root / run) for run in runs}
+    facts = index.facts(result)
+    return not isinstance(facts, Result) or any(run.is_of(facts.inputs.sha256) for run in runs)
 
 
 def _above(name: str) -> str:
     return str(PurePosixPath(name).parent)
 
 
-def _calibration(reading: _Reading, name: str, files: list[KindOfFile]) -> tuple[Calibration, bool]:
+def _calibration(
+    index: Index, runs: StartedRuns, name: str, files: list[FolderFile]
+) -> tuple[Calibration, bool]:
     """A calibration, and whether something of it is read later."""
-    paths = {kind: [file.path for file in files if file.kind == kind] for kind in _PARTS}
-    parts: list[_Part] = []
-    state = _state(reading, files, paths, parts)
-    if not any(isinstance(one, _Facts) for one in parts):
-        parts += [reading.facts(kind, paths[kind][0]) for kind in ("run", "plan", "header") if paths[kind]]
-    facts = [one for one in parts if isinstance(one, _Facts)]
-    results = [one for one in parts if isinstance(one, Result)]
-    robot, maker, model = _robot(reading.folder, facts, results, name)
-    provenance = by_plain_key(results[0].inputs.provenance) if results else {}
-    header: Mapping[str, Any] = results[0].inputs.header if results else {}
+    parts = {kind: [file for file in files if file.kind == kind] for kind in _PARTS}
+    state, facts = _state(index, runs, files, parts)
+    if not any(isinstance(one, Head) for one in facts):
+        facts += [index.facts(parts[kind][0]) for kind in ("run", "plan", "header") if parts[kind]]
+    results = [one for one in facts if isinstance(one, Result)]
+    headers = [one.header for one in facts if isinstance(one, Head)]
+    headers += [one.inputs.header for one in results]
+    robot, maker, model = _robot(index.folder, headers, results, name)
     calibration = Calibration(
         name=name,
         robot=robot,
         maker=maker,
         model=model,
-        serial=next((one.serial for one in facts if one.serial), None)
-        or first_entry(provenance, KEYS[SERIAL])
-        or None,
-        instrument=(facts[0].instrument if facts else _instruments(header)) or None,
-        files=CalibrationFiles(**paths),
+        serial=next(filter(None, map(_serial, headers)), None),
+        instrument=_instruments(headers[0]) or None if headers else None,
+        files=CalibrationFiles(**{kind: [file.path for file in files] for kind, files in parts.items()}),
         state=state,
         due=None,
-        simulated=any(is_simulated(one.inputs.provenance) for one in results)
-        or any(one.simulated for one in facts),
+        simulated=any(is_simulated(header.get("provenance") or {}) for header in headers),
         modified=files[0].modified,
     )
-    return calibration, any(isinstance(one, _Unread) and one.later for one in parts)
+    return calibration, any(isinstance(one, Unread) and one.later for one in facts)
 
 
 def _state(
-    reading: _Reading,
-    files: list[KindOfFile],
-    paths: Mapping[str, list[str]],
-    parts: list[_Part],
-) -> CalibrationState:
-    """The state by the newest run or result, else the newest plan or header; `parts` gets what was read."""
+    index: Index, runs: StartedRuns, files: list[FolderFile], parts: Mapping[str, list[FolderFile]]
+) -> tuple[CalibrationState, list[Facts]]:
+    """The state by the newest run or result, else the newest plan or header; and what was read for it."""
     newest = next((file for file in files if file.kind in ("run", "result")), None)
     newest = newest or next((file for file in files if file.kind == "plan"), None)
     newest = newest or next(file for file in files if file.kind == "header")
-    kind, file = newest.kind, newest.path
-    if kind == "run" and (result := _result_of(reading, file, paths["result"])) is not None:
-        kind, file = "result", result
-    facts = reading.facts(kind, file)
-    parts.append(facts)
-    if isinstance(facts, _Unread):
+    of = (newest.kind == "run" and _result_of(index, newest, parts["result"])) or newest
+    kind, facts = of.kind, index.facts(of)
+    if isinstance(facts, Unread):
         late: StateKind = "measured" if kind in ("run", "result") else "planned"
         state: StateKind = late if facts.later else "unreadable"
-        text = facts.why if facts.later else f"{PurePosixPath(file).name}: {facts.why}"
-        return CalibrationState(kind=state, text=text, file=file)
+        text = facts.why if facts.later else f"{of.at.name}: {facts.why}"
+        return CalibrationState(kind=state, text=text, file=of.path), [facts]
     if isinstance(facts, Result):
-        return CalibrationState(
-            kind=read_message(facts).grade or "held",
-            text=result_words(facts),
-            verdict=facts.verdict,
-            file=file,
-        )
+        state = read_message(facts).grade or "held"
+        text = result_words(facts)
+        return CalibrationState(kind=state, text=text, verdict=facts.verdict, file=of.path), [facts]
     if kind == "header":
-        return CalibrationState(kind="empty", text="no plan yet", file=file)
+        return CalibrationState(kind="empty", text="no plan yet", file=of.path), [facts]
     if kind == "plan":
-        return CalibrationState(
-            kind="planned", text=f"planned: {counted(facts.count, 'measurement')}", of=facts.count, file=file
-        )
-    recorded, of = len(facts.shots), _planned(reading, facts, paths["plan"], parts)
-    under_way = of is not None and not facts.shots >= set(range(of)) and not reading.runs.ended(file)
-    return CalibrationState(
+        text = f"planned: {counted(facts.postures, 'measurement')}"
+        return CalibrationState(kind="planned", text=text, of=facts.postures, file=of.path), [facts]
+    plan = _plan_of(index, facts, parts["plan"])
+    planned = plan.postures if isinstance(plan, Head) else None
+    recorded = len(facts.shots)
+    under_way = planned is not None and not facts.shots >= set(range(planned)) and not runs.ended(of.path)
+    measured = f" {recorded} of {planned}" if under_way else f": {counted(recorded, 'measurement')}"
+    whole = CalibrationState(
         kind="measuring" if under_way else "measured",
-        text=f"measured {recorded} of {of}" if under_way else f"measured: {counted(recorded, 'measurement')}",
+        text=f"measured{measured}",
         recorded=recorded,
-        of=of,
-        file=file,
+        of=planned,
+        file=of.path,
     )
+    return whole, [facts] if plan is None else [facts, plan]
 
 
-def _result_of(reading: _Reading, run: str, results: list[str]) -> str | None:
+def _result_of(index: Index, run: FolderFile, results: list[FolderFile]) -> FolderFile | None:
     """The newest result of a run."""
-    if not results:
-        return None
-    sha256 = sha256_of(reading.folder.root / run)
-    for name in results:
-        facts = reading.facts("result", name)
-        if isinstance(facts, Result) and facts.inputs.sha256 == sha256:
-            return name
+    for file in results:
+        facts = index.facts(file)
+        if isinstance(facts, Result) and run.is_of(facts.inputs.sha256):
+            return file
     return None
 
 
-def _planned(reading: _Reading, run: _Facts, plans: list[str], parts: list[_Part]) -> int | None:
-    """How many measurements the plan of a run has; None where it is not here."""
-    for name in plans:
-        if run.plan_sha256 is not None and sha256_of(reading.folder.root / name) == run.plan_sha256:
-            facts = reading.facts("plan", name)
-            parts.append(facts)
-            return facts.count if isinstance(facts, _Facts) else None
-    return None
+def _plan_of(index: Index, run: Head, plans: list[FolderFile]) -> Facts | None:
+    """What the plan of a run says; None where it is not here."""
+    sha256 = (run.header.get("provenance") or {}).get(PLAN_HASH)
+    return next((index.facts(plan) for plan in plans if plan.is_of(sha256)), None)
 
 
 def _robot(
-    folder: Folder, facts: list[_Facts], results: list[Result], name: str
+    folder: Folder, headers: list[Mapping[str, Any]], results: list[Result], name: str
 ) -> tuple[str | None, str | None, str | None]:
     """Name, maker and model of the arm, as far as they are stated."""
-    declared = facts[0].robot if facts else results[0].inputs.header.get("robot") if results else None
+    declared = headers[0].get("robot") if headers else None
     if isinstance(declared, dict):
-        declared = UrdfRef.model_construct(**declared)
-    if isinstance(declared, UrdfRef):
-        return clipped(PurePosixPath(str(declared.urdf)).stem, _WIDTH), None, None
+        return clipped(PurePosixPath(str(declared.get("urdf"))).stem, _WIDTH), None, None
     if not isinstance(declared, str):
         return (results[0].inputs.robot if results else None), None, None
     if declared in built_in_robots():
-        return declared, *_maker(declared)
-    shown = results[0].inputs.robot if results else PurePosixPath(declared).stem
+        rows = _built_in(declared)
+        return declared, rows.vendor, rows.model
     try:
-        path = folder.inside(declared, folder.root / name)
-        rows = _ROWS.of(path, read_rows)
+        rows = _rows(folder.inside(declared, folder.root / name))
     except (BadInput, OSError):
+        shown = results[0].inputs.robot if results else PurePosixPath(declared).stem
         return clipped(shown, _WIDTH), None, None
     return clipped(rows.name, _WIDTH), rows.vendor, rows.model
 
 
 @cache
-def _maker(name: str) -> tuple[str | None, str | None]:
-    """Maker and model of a built-in arm."""
-    rows = stated_rows(name, Path())
-    return rows.vendor, rows.model
+def _built_in(name: str) -> RobotFile:
+    return stated_rows(name, Path())
 
 
 def _instruments(header: Mapping[str, Any]) -> str:
@@ -377,57 +286,5 @@ def _instruments(header: Mapping[str, Any]) -> str:
     return ", ".join(dict.fromkeys(kind.name for kind in kinds.values()))
 
 
-def _read_header(path: Path) -> _Facts:
-    document = read_yaml(path)
-    header = validate(Header, document.data, file=path, line=document.line)
-    return _Facts(header.robot, _instruments(document.data), _serial(document.data.get("provenance")))
-
-
-def _read_plan(path: Path) -> _Facts:
-    document = read_yaml(path)
-    plan = plan_of(document)
-    serial = _serial(document.data.get("provenance"))
-    return _Facts(plan.header.robot, _instruments(document.data), serial, count=len(plan.postures))
-
-
-def _read_run(path: Path) -> _Facts:
-    """The header of a run and the numbers of its measurements: its readings are not looked at."""
-    if path.stat().st_size > _LARGEST_RUN:
-        raise BadInput("the run is too long to be looked at here")
-    head, _, rest = path.read_bytes().partition(b"\n")
-    try:
-        header = json.loads(head)
-        if header["schema"] != RUN_SCHEMA:
-            raise ValueError
-        provenance = header.get("provenance") or {}
-        plan = provenance.get(PLAN_HASH)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise BadInput("this is no whole header of a run") from None
-    return _Facts(
-        header.get("robot"),
-        _instruments(header),
-        _serial(provenance),
-        is_simulated(provenance),
-        shots=frozenset(int(number) for number in _SHOT.findall(rest)),
-        plan_sha256=plan if isinstance(plan, str) else None,
-    )
-
-
-def _read_result(path: Path) -> Result:
-    if path.stat().st_size > _LARGEST_RESULT:
-        raise BadInput("the result is too large to be looked at here: open it")
-    return read_result(path)
-
-
-def _serial(provenance: object) -> str | None:
-    if not isinstance(provenance, Mapping):
-        return None
-    return clipped(first_entry(by_plain_key(provenance), KEYS[SERIAL]), _WIDTH) or None
-
-
-_READERS: dict[str, tuple[Kept, Any]] = {
-    "header": (_HEADERS, _read_header),
-    "plan": (_PLANS, _read_plan),
-    "run": (_RUNS, _read_run),
-    "result": (_BRIEFS, _read_result),
-}
+def _serial(header: Mapping[str, Any]) -> str:
+    return clipped(first_entry(by_plain_key(header.get("provenance") or {}), KEYS[SERIAL]), _WIDTH)

@@ -29,7 +29,8 @@ from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import FileModel, as_tuple, validate
 from ....model.records import it, record
-from ..folder import Folder, kind_of
+from ..folder import Folder
+from ..index import kind_of
 from ..requests import Content, Precondition, Refused, end_point, keyed, noted, refused
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from . import contents_process

@@ -18,9 +18,9 @@ from ....model.parsing.validation import as_tuple
 from ....model.records import it, record
 from ....words.wording import shown
 from ..folder import Folder
-from ..kept import Kept
+from ..kept import kept
 from ..requests import end_point
-from .refits import FittedRun, fitted
+from .refits import fitted
 
 MOST_DRAWS = 2000  # shown
 MOST_RESIDUALS = 600_000  # draws times measurements, computed for them
@@ -43,15 +43,8 @@ class StoredDraws:
     prior: tuple[str, ...]
 
 
-_DRAWS = Kept(4)
-_RESIDUALS = Kept(4)
-
-
+@kept(4)
 def _drawn(path: Path) -> StoredDraws:
-    return _DRAWS.of(path, _read)
-
-
-def _read(path: Path) -> StoredDraws:
     import h5py
 
     try:
@@ -181,7 +174,8 @@ def brush(
     def without_residuals(reason: str) -> Brushed:
         return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=[], reason=reason)
 
-    fit = fitted(folder.file(run))
+    run_file = folder.file(run)
+    fit = fitted(run_file)
     if fit.run.sha256 != draws.sha256:
         raise BadInput("these draws are not of this run", found=f"SHA-256 {draws.sha256[:12]}…")
     tolerated = {row.name for row in fit.solution.parameters if row.tolerated}
@@ -191,7 +185,7 @@ def brush(
         return without_residuals(
             f"{few}: unidentifiable; their draws are of the prior alone and say nothing of the residuals"
         )
-    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(fit, draws))
+    lengths, every = _lengths(path, run_file)
     among = chosen[::every]
     if not among.any():
         return without_residuals("no draw is in this region")
@@ -201,13 +195,14 @@ def brush(
     return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=shots, reason=None)
 
 
-def _lengths(run: FittedRun, draws: StoredDraws) -> tuple[Matrix, int]:
-    """(draws, N) lengths of the normalised residuals of every k-th draw, and k.
+@kept(4)
+def _lengths(posterior_file: Path, run_file: Path) -> tuple[Matrix, int]:
+    """(draws, N) lengths of the normalised residuals of every k-th draw, and k. The draws are of this run.
 
     What is known by its tolerance only has no draws beside the others: it is drawn given theirs, by the
     curvature at the mode.
     """
-    fit = run.solution.fit
+    draws, fit = _drawn(posterior_file), fitted(run_file).solution.fit
     problem: Problem = fit.problem
     every = max(1, -(-len(draws.values) * problem.shots // MOST_RESIDUALS))
     rows = np.tile(fit.x, (len(draws.values[::every]), 1))

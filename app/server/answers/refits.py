@@ -25,7 +25,7 @@ from ....model.records import it, record
 from ....words.message import headline
 from ....words.misfit_words import criterion_sentence
 from ..folder import Folder
-from ..kept import Kept
+from ..kept import kept
 from ..requests import Refused, end_point
 from ..versions import Versioned, version_of
 
@@ -50,15 +50,9 @@ class FittedRun:
     solution: Solution
 
 
-_FITTED = Kept(4)
-
-
+@kept(4)
 def fitted(path: Path) -> FittedRun:
     """The run fitted as `analyse` does; BadInput where it cannot be, or is too long to wait for."""
-    return _FITTED.of(path, _fitted)
-
-
-def _fitted(path: Path) -> FittedRun:
     run = read_run(path)
     if len(run.shots) > MOST_MEASUREMENTS:
         raise BadInput(

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
-from ....analysis.answer.result import RESULT_SCHEMA, Result, parse_result
-from ....model.errors import BadInput
-from ....model.parsing.reading import parse_json, read_text
+from ....analysis.answer.result import Result
 from ....model.records import inline, record
 from ....reports.output.html import fragment
 from ....reports.run.front import front
@@ -21,22 +16,13 @@ from ....reports.run.report import REPORT
 from ....reports.run.unobservable import null_motion_picture_of
 from ....words.message import read_message
 from ..folder import Folder
-from ..kept import Kept
+from ..index import Index, read_result
 from ..requests import end_point
 from .actions import OfferedAction, action_of_result
 from .displacements import InWorkspace, in_workspace
 
-LARGEST_RESULT = 16 * 10**6  # bytes
 MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals
-MOST_HASHED = 16 * 10**6  # bytes of a run file that is looked for by its SHA-256
-_MOST_KEPT = 2000
 _MOST_FIGURES = 200
-_RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
-
-
-def read_result(path: Path) -> Result:
-    """A result file; BadInput where it is none, not whole, too large, or contradicts itself."""
-    return _RESULTS.of(path, _read)
 
 
 def first_page(content: Result) -> str | None:
@@ -48,24 +34,6 @@ def first_page(content: Result) -> str | None:
     content = replace(content, entered=content.enter, entered_geometry=content.enter_geometry)
     motion = null_motion_picture_of(content)
     return fragment(front(content, read_message(content)), {} if motion is None else {motion.name: motion})
-
-
-def _read(path: Path) -> Result:
-    text, _ = read_text(path, LARGEST_RESULT)
-    try:
-        parse_json(text, file=path, line=1)  # refuses duplicate keys and NaN
-        return parse_result(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        message = f"the file is no JSON, or cut off: {error}"
-    except ValueError as error:
-        message = str(error)
-    raise BadInput(
-        "this is not a whole result of zerobeam",
-        found=message[:300],
-        allowed=f"a result.json of schema {RESULT_SCHEMA}",
-        remedy="make it again with zerobeam report",
-        file=path,
-    )
 
 
 @record
@@ -110,13 +78,14 @@ def result(folder: Folder, file: str) -> ShownResult:
     path = folder.file(file)
     content = read_result(path)
     beside = report_files(path)
-    run = run_of(folder, content.inputs.sha256, path)
+    made_of = Index(folder).of_sum("run", content.inputs.sha256, near=path)
+    run = None if made_of is None else made_of.at
     message = content.message
     ranked = sorted(content.shots, key=lambda shot: -shot.whitened)[:MOST_MEASUREMENTS]
     numbers = {shot.shot for shot in ranked}
     return ShownResult(
         file=folder.called(path),
-        run=None if run is None else folder.called(run),
+        run=None if made_of is None else made_of.path,
         report=_called(folder, path.with_name("report.html"), beside),
         posterior_file=_called(folder, path.with_name("posterior.nc"), beside),
         files=tuple(ReportFile(folder.called(file), file.stat().st_size) for file in beside),
@@ -142,33 +111,3 @@ def report_files(result_file: Path) -> list[Path]:
 
 def _called(folder: Folder, path: Path, beside: list[Path]) -> str | None:
     return folder.called(path) if path in beside else None
-
-
-def run_of(folder: Folder, sha256: str, near: Path) -> Path | None:
-    """The run file of the folder that has this SHA-256, the nearest first; None where there is none."""
-    for path in sorted(_runs(folder), key=lambda run: -len(_shared(run, near))):
-        if sha256_of(path) == sha256:
-            return path
-    return None
-
-
-def sha256_of(path: Path) -> str | None:
-    """Of a run file; None where it is too large to be looked for, or has gone."""
-    try:
-        return _SUMS.of(path, _sum) if path.stat().st_size <= MOST_HASHED else None
-    except OSError:
-        return None
-
-
-def _sum(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _runs(folder: Folder) -> Iterator[Path]:
-    return (folder.root / file.path for file in folder.files() if file.kind == "run")
-
-
-def _shared(path: Path, near: Path) -> tuple[str, ...]:
-    pairs = zip(path.parts, near.parts, strict=False)
-    return tuple(one for i, (one, other) in enumerate(pairs) if path.parts[: i + 1] == near.parts[: i + 1])

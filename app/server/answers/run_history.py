@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Annotated, ClassVar
 
 from ....analysis.answer.answer_message import Grade
@@ -11,22 +9,18 @@ from ....analysis.answer.result import Result
 from ....analysis.row import StatusRow
 from ....analysis.status import Verdict
 from ....model.errors import BadInput
-from ....model.files.header import RUN_SCHEMA
 from ....model.records import if_any, it, record
 from ....reports.run.inputs import origin_of
 from ....words.message import read_message, result_words
 from ....words.wording import clipped
 from ..folder import Folder
-from ..kept import Kept
+from ..index import Facts, Head, Index, Unread
 from ..requests import end_point
-from .results import read_result, sha256_of
+from ..versions import version_of_sum
 
 MOST_RUNS = 300  # the newest
 MOST_RESULTS = 300
-_LARGEST_RESULT = 4 * 10**6  # bytes: larger ones are opened, not listed with their numbers
-_LONGEST_HEADER = 10**6  # bytes
 _WIDTH = 80  # letters of a text that a header states
-_HEADERS, _BRIEFS = Kept(2000), Kept(2000)
 
 
 @record(kw_only=True)
@@ -78,65 +72,48 @@ class FolderHistory:
 @end_point("GET /api/history", "The folder's runs by serial number, and their results.")
 def history(folder: Folder) -> FolderHistory:
     """The runs and results of the folder, the newest first."""
-    files = folder.files()
-    runs = [file.path for file in files if file.kind == "run"]
-    results = [file.path for file in files if file.kind == "result"]
-    by_sum: dict[str | None, list[BriefResult]] = {}
-    for name in results[:MOST_RESULTS]:
-        sha256, brief = _brief(folder, name)
-        by_sum.setdefault(sha256, []).append(brief)
-    rows, sums = [], set()
-    for name in runs[:MOST_RUNS]:
-        path = folder.root / name
-        sums.add(own_sum := sha256_of(path) or "")
-        rows.append(BriefRun(file=name, **_header(path), results=by_sum.get(own_sum, [])))
-    loose = [brief for sha256, briefs in by_sum.items() if sha256 not in sums for brief in briefs]
+    index = Index(folder)
+    runs, results = index.of_kinds("run"), index.of_kinds("result")
+    by_version: dict[str | None, list[BriefResult]] = {}
+    for file in results[:MOST_RESULTS]:
+        facts = index.facts(file)
+        of = version_of_sum(facts.inputs.sha256) if isinstance(facts, Result) else None
+        by_version.setdefault(of, []).append(_brief(file.path, facts))
+    rows = [
+        BriefRun(file=file.path, **_of_header(index.facts(file)), results=by_version.get(file.version, []))
+        for file in runs[:MOST_RUNS]
+    ]
+    versions = {file.version for file in runs[:MOST_RUNS]}
+    loose = [brief for of, briefs in by_version.items() if of not in versions for brief in briefs]
     left_out = max(0, len(runs) - MOST_RUNS) + max(0, len(results) - MOST_RESULTS)
     return FolderHistory(runs=rows, results=loose, left_out=left_out)
 
 
-def _header(path: Path) -> dict[str, str]:
-    try:
-        return _HEADERS.of(path, _read_header)
-    except (OSError, ValueError, RecursionError):
-        return {"error": "the header of this run cannot be read"}
-
-
-def _read_header(path: Path) -> dict[str, str]:
-    with path.open("rb") as file:
-        header = json.loads(file.readline(_LONGEST_HEADER))
-    if not isinstance(header, dict) or header.get("schema") != RUN_SCHEMA:
-        raise ValueError("no header of a run")
-    robot = header.get("robot")
+def _of_header(facts: Facts) -> dict[str, str]:
+    """What the header of a run states, or why it cannot be read."""
+    if not isinstance(facts, Head):
+        return {"error": facts.why if isinstance(facts, Unread) else "the file is no run any more"}
+    robot = facts.header.get("robot")
     name = robot.get("urdf") if isinstance(robot, dict) else robot
-    origin = {key: clipped(text, _WIDTH) for key, text in origin_of(header).items()}
-    return {"robot": clipped(str(name), _WIDTH), **origin}
-
-
-def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
-    """A result, and the SHA-256 of its run."""
     try:
-        result = _BRIEFS.of(folder.root / name, _listed)
-    except BadInput as error:
-        return None, BriefResult(file=name, error=folder.without(error.what))
-    except OSError:
-        return None, BriefResult(file=name, error="the file cannot be read")
-    offsets = [
-        BriefOffset(name=row.name, unit=row.unit, status=row.status, estimate=row.estimate, std=row.std)
-        for row in result.parameters
-        if row.group == "offset" and not row.held
-    ]
-    brief = BriefResult(
+        origin = origin_of(facts.header)
+    except (BadInput, KeyError, TypeError):
+        return {"error": "the instruments of this run cannot be read"}
+    return {key: clipped(text, _WIDTH) for key, text in {"robot": str(name), **origin}.items()}
+
+
+def _brief(name: str, facts: Facts) -> BriefResult:
+    if not isinstance(facts, Result):
+        why = facts.why if isinstance(facts, Unread) else "the file is no result any more"
+        return BriefResult(file=name, error=why)
+    return BriefResult(
         file=name,
-        verdict=result.verdict,
-        grade=read_message(result).grade,
-        words=result_words(result),
-        offsets=offsets,
+        verdict=facts.verdict,
+        grade=read_message(facts).grade,
+        words=result_words(facts),
+        offsets=[
+            BriefOffset(name=row.name, unit=row.unit, status=row.status, estimate=row.estimate, std=row.std)
+            for row in facts.offsets
+            if not row.held
+        ],
     )
-    return result.inputs.sha256, brief
-
-
-def _listed(path: Path) -> Result:
-    if path.stat().st_size > _LARGEST_RESULT:
-        raise BadInput("too large to be listed: open it")
-    return read_result(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +12,6 @@ from ....analysis.solution import Solution, so_far
 from ....experiments.makers.maker import makers
 from ....experiments.rigs.live.address import SCHEMES
 from ....model.errors import BadInput
-from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
 from ....model.records import it, record
@@ -21,6 +19,7 @@ from ....words.message import headline_so_far
 from ....words.provenance import SIMULATED
 from ....words.wording import person
 from ..folder import Folder
+from ..index import Head, Index
 from ..requests import end_point, noted
 from ..started_runs import StartedRuns
 
@@ -80,7 +79,7 @@ class RunSoFar(RecordedRun):
 def recording(folder: Folder, file: str) -> RunSoFar:
     """What a run file has, what that determines, and how to go on with it."""
     with noted() as notes:
-        run, facts = _read(folder, file)
+        run, facts = _read(Index(folder), StartedRuns(folder), file)
         states = _states(run)
         state = states[-1][1] if states else None
     return RunSoFar(
@@ -104,32 +103,36 @@ def recording(folder: Folder, file: str) -> RunSoFar:
 def unfinished(folder: Folder) -> list[RecordedRun]:
     """The runs that the app began and that have not reached their end, the newest first, `_MOST_RUNS` at the
     most; of one that cannot be read `why_not` alone."""
-    rows = []
+    rows, index, started = [], Index(folder), StartedRuns(folder)
     with noted():
-        for name in StartedRuns(folder).unfinished()[:_MOST_RUNS]:
+        for name in started.unfinished()[:_MOST_RUNS]:
             try:
-                rows.append(_read(folder, name)[1])
+                rows.append(_read(index, started, name)[1])
             except BadInput as error:
                 rows.append(RecordedRun(file=name, resume=None, why_not=folder.without(str(error))))
     return rows
 
 
-def _read(folder: Folder, name: str) -> tuple[Run, RecordedRun]:
+def _read(index: Index, started: StartedRuns, name: str) -> tuple[Run, RecordedRun]:
     """A run, and what is said of it without a fit."""
-    path = folder.file(name)
+    path = index.folder.file(name)
     if path.stat().st_size > _LARGEST:
         remedy = "use zerobeam analyse"
         raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))
-    shown, started = folder.called(path), StartedRuns(folder)
+    shown = index.folder.called(path)
     run, torn = recorded(path.read_bytes(), path)
-    command, plan, why_not = _resume(folder, shown, run)
+    plan_file = index.of_sum("plan", run.header.provenance.get(PLAN_HASH))
+    plan = None if plan_file is None else plan_file.path
+    own_command = started.command(shown)
+    command, why_not = _resume(index, shown, run, plan, own_command)
     resume, controller = (None, None) if command is None else _without_address(command)
-    postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
+    facts = None if plan_file is None else index.facts(plan_file)
+    postures = facts.postures if isinstance(facts, Head) else None
     done = [shot.shot for shot in run.shots]
     ended: bool | None = started.ended(shown)
     if not ended and postures is not None and set(range(postures)) <= set(done):
         ended = True
-    elif not ended and started.command(shown) is None:
+    elif not ended and own_command is None:
         ended = None
     return run, RecordedRun(
         file=shown,
@@ -165,40 +168,31 @@ def _states(run: Run) -> list[tuple[int, Solution]]:
     return [(k, so_far(problem.select(np.arange(k)))) for k in range(first, count + 1)]
 
 
-def _resume(folder: Folder, name: str, run: Run) -> tuple[list[str] | None, str | None, str | None]:
-    """The command that goes on with a run, its plan, or why there is none."""
+def _resume(
+    index: Index, name: str, run: Run, plan: str | None, own_command: Sequence[str] | None
+) -> tuple[list[str] | None, str | None]:
+    """The command that goes on with a run of a plan, or why there is none; `own_command` where it was begun
+    here."""
     provenance = run.header.provenance
-    plan = _of_hash(folder, "plan", provenance.get(PLAN_HASH))
     if plan is None:
-        return None, None, "the plan that it was begun with is not in this folder, or has changed"
-    command = StartedRuns(folder).command(name)
-    if command is not None:
-        return [*command[:-1], plan], plan, None
+        return None, "the plan that it was begun with is not in this folder, or has changed"
+    if own_command is not None:
+        return [*own_command[:-1], plan], None
     words = ["run", "--resume", f"--out={name}"]
     origin = provenance.get("origin")
     if origin == _BY_HAND:
-        return [*words, "--rig=manual", plan], plan, None
+        return [*words, "--rig=manual", plan], None
     if origin != SIMULATED:
-        return None, plan, "how its controller is reached is not in the run file: use zerobeam run --resume"
+        return None, "how its controller is reached is not in the run file: use zerobeam run --resume"
     cell = provenance.get("cell sha256")
     if cell is not None:
-        cell_file = _of_hash(folder, "cell", cell)
+        cell_file = index.of_sum("cell", cell)
         if cell_file is None:
-            return None, plan, "the cell file that it was begun with is not in this folder, or has changed"
-        words.append(f"--cell={cell_file}")
+            return None, "the cell file that it was begun with is not in this folder, or has changed"
+        words.append(f"--cell={cell_file.path}")
     if provenance.get("camera") is False:
         words.append("--no-camera")
-    return [*words, f"--seed={provenance.get('seed', 0)}", plan], plan, None
-
-
-def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
-    """The file of the folder of this kind and hash."""
-    for file in folder.files():
-        if file.kind == kind and file.bytes <= _LARGEST:
-            content = folder.inside(file.path).read_bytes()
-            if hashlib.sha256(content).hexdigest() == sha256:
-                return file.path
-    return None
+    return [*words, f"--seed={provenance.get('seed', 0)}", plan], None
 
 
 @record(kw_only=True)
