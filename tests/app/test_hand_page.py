@@ -69,8 +69,8 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
         tab.on(lambda page: page.get_by_label("Joint 3 is counted from").select_option("ground"))
         fill(tab, "Run file", "cell/hand.jsonl")
         press(tab, "Start")
-        wait(tab, f"document.querySelector('.hand') && {ASKED}.includes('measurement 0')")
-        assert tab.value(ASKED) == "Posture 1 of 3: measurement 0, reflector R1"
+        wait(tab, f"document.querySelector('.hand') && {ASKED}.includes('Measurement 0')")
+        assert tab.value(ASKED) == "Measurement 0 (0 of 3 done), reflector R1"
         shown = tab.value("[...document.querySelectorAll('.asked li')].map((row) => row.textContent)")
         assert shown == ["J1 0.00°", "J2 40.00°", "J3 −20.00°", "J4 0.00°", "J5 30.00°", "J6 0.00°"]
 
@@ -79,7 +79,7 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
         press(tab, "Record")
         wait(tab, f"{IN_HAND}.includes('this looks like metres')")
         press(tab, "They are metres")
-        wait(tab, f"{ASKED} === 'Posture 2 of 3: measurement 1, reflector R2'")
+        wait(tab, f"{ASKED} === 'Measurement 1 (1 of 3 done), reflector R2'")
 
         tab.on(lambda page: page.locator("#hand-line").fill(joints[1]))
         press(tab, "Record")
@@ -92,7 +92,7 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
             wait(tab, f"{IN_HAND}.includes('allowed are 3 numbers')")
         fill(tab, READING, " ".join(f"{value:.4f}".replace(".", ",") for value in points[1]))
         press(tab, "Record")
-        wait(tab, f"{ASKED}.startsWith('Posture 3 of 3: measurement 2')")
+        wait(tab, f"{ASKED}.startsWith('Measurement 2 (2 of 3 done)')")
         press(tab, "Skip this posture")
         wait(tab, "!document.querySelector('.stop-bar') && document.querySelector('.now')")
         assert tab.console == []

@@ -75,7 +75,7 @@ def test_joints_are_read_where_the_person_confirms_and_a_moving_arm_is_refused(t
         tab.on(lambda page: page.get_by_label("Controller’s address").fill(where))
         tab.on(lambda page: page.get_by_label("Run file", exact=True).fill("cell/live.jsonl"))
         press(tab, "Start: connects to the controller")
-        wait(tab, f"{ASKED}.includes('measurement 0')", 60)
+        wait(tab, f"{ASKED}.includes('Measurement 0 ')", 60)
         assert tab.value("document.querySelector('#hand-line')") is None  # nothing is typed
         server.arm.go([value + 7.5 for value in AT], 60.0)
         press(tab, "Record")
@@ -83,7 +83,7 @@ def test_joints_are_read_where_the_person_confirms_and_a_moving_arm_is_refused(t
         assert "mov" in tab.value(DOUBT)
         server.arm.go([value + 1.5 for value in AT], 0.0)
         press(tab, "Record")
-        wait(tab, f"{ASKED}.includes('measurement 1')", 60)
+        wait(tab, f"{ASKED}.includes('Measurement 1 ')", 60)
         press(tab, "Go on later")
         again = "document.querySelector('[aria-label=\"Resume cell/live.jsonl\"]')"
         wait(tab, f"{again}?.disabled", 60)  # the address is typed anew
@@ -94,7 +94,7 @@ def test_joints_are_read_where_the_person_confirms_and_a_moving_arm_is_refused(t
         )
         wait(tab, f"{again} && !{again}.disabled")
         press(tab, "Resume cell/live.jsonl")
-        wait(tab, f"{ASKED}.includes('measurement 1')", 60)
+        wait(tab, f"{ASKED}.includes('Measurement 1 ')", 60)
         press(tab, "Go on later")
         wait(tab, f"{again}?.disabled", 60)
     (shot,) = read_run(run).shots

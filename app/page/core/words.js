@@ -57,5 +57,8 @@ export const bytes = (n) => (n < 1e3 ? `${n} bytes` : n < 1e6 ? `${fixed(n / 1e3
 /** @param {number} s */
 export const duration = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : `${Math.round(s / 60)} min`);
 
+/** Expanded uncertainties, of which factor. @param {number} k */
+export const expandedWord = (k) => `U (k = ${Number(k.toPrecision(3))})`;
+
 /** A joint's name beside a number. @param {string} unit */
 export const unitSign = (unit) => (unit === "deg" ? "°" : unit);

@@ -3,12 +3,12 @@ import { html } from "htm/preact";
 import { computed, signal, useSignal } from "@preact/signals";
 import { post } from "../core/api.js";
 import { lostDrafts } from "../core/editing.js";
-import { begin, underWay, well } from "../core/jobs.js";
+import { well } from "../core/jobs.js";
 import { goOn, route, toImport, toJob } from "../core/route.js";
-import { attempt, home, refresh } from "../core/store.js";
+import { attempt, home } from "../core/store.js";
 import { counted } from "../core/words.js";
 import { into, value as heard } from "../parts/heard.js";
-import { JobProgress } from "../parts/JobProgress.js";
+import { useCommand } from "../parts/JobProgress.js";
 import { Drafts } from "./Drafts.js";
 
 /** @typedef {import("../core/store.js").Calibration} Calibration */
@@ -55,15 +55,11 @@ const next = (one) =>
 export function Home() {
   const all = useSignal(false);
   const rows = shown.value, total = home.value?.calibrations.length ?? 0;
-  const job = useSignal(/** @type {import("../core/jobs.js").Followed | null} */ (null));
+  const { busy, carryOut, progress } = useCommand();
   const rehearse = () => attempt(async () => {
     const from = route.value;
     const example = await post("/api/example", {});
-    job.value = await begin(example.command);
-    if (well(await job.value.ended)) {
-      await refresh();
-      goOn(from, toJob(example.name, "measure"));
-    }
+    if (well(await carryOut(example.command, "Rehearsal of the example"))) goOn(from, toJob(example.name, "measure"));
   });
   return html`
     <section class="begin" aria-label="Begin">
@@ -72,10 +68,10 @@ export function Home() {
       <a class="card" href=${toImport()}><b>Import a recording</b>
         <span>Joint values of a controller, a table or a tracker’s points: a run, and its result.</span></a>
       <button type="button" class="card" onClick=${rehearse}
-        disabled=${underWay(job.value)}><b>Rehearse the example</b>
+        disabled=${busy}><b>Rehearse the example</b>
         <span>A plan, a simulated robot and its measurements, without any file of yours.</span></button>
     </section>
-    ${job.value && html`<${JobProgress} job=${job.value} title="Rehearsal of the example" />`}
+    ${progress()}
     ${home.value !== null && html`<${Drafts} drafts=${lostDrafts()} />`}
     ${total === 0 ? html`<p class="muted">The folder holds no calibration yet.</p>` : html`
       <div class="bar" role="search">

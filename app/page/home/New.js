@@ -4,7 +4,7 @@ import { html } from "htm/preact";
 import { useEffect, useMemo } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get, latest, post, Refused } from "../core/api.js";
-import { begin, underWay, well } from "../core/jobs.js";
+import { well } from "../core/jobs.js";
 import { goOn, route, toJob } from "../core/route.js";
 import { attempt, failed, home, ofKind, refresh, robots } from "../core/store.js";
 import { MOUNTED, mountedWords } from "../core/mounting.js";
@@ -12,7 +12,7 @@ import { fixed, sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { Form, Submit } from "../parts/Form.js";
-import { JobProgress } from "../parts/JobProgress.js";
+import { useCommand } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { into } from "../parts/heard.js";
@@ -53,7 +53,7 @@ export function New() {
   const proposal = useSignal(/** @type {import("answers").CalibrationProposal | null} */ (null));
   /** How the instrument is mounted where that is not as assumed. */
   const mounted = useSignal(/** @type {Record<string, number[]>} */ ({}));
-  const job = useSignal(/** @type {import("../core/jobs.js").Followed | null} */ (null));
+  const { busy, carryOut, progress } = useCommand();
   useEffect(() => { get("/api/calibrations/choices").then((found) => {
     choices.value = found;
     instrument.value = found.instruments[0].name;
@@ -93,10 +93,8 @@ export function New() {
         const stated = entries();
         sent.value = JSON.stringify(stated);
         const made = await post("/api/calibrations", stated);
-        job.value = await begin(made.command);
-        const ended = await job.value.ended;
+        const ended = await carryOut(made.command, "Making the plan");
         if (well(ended) && ended.answer?.plan) {
-          await refresh();
           goOn(from, toJob(made.name, "plan"));
           return;
         }
@@ -114,7 +112,6 @@ export function New() {
   const refusal = sent.value === JSON.stringify(entries()) ? wrong.value : null;
   const at = (/** @type {string} */ key) => (refusal?.key[0] === key ? refusal.text : "");
   const known = ["name", "robot", "serial"].includes(String(refusal?.key[0]));
-  const busy = underWay(job.value);
   return html`
     <${Form} class="new" onSubmit=${make}>
       <fieldset><legend><b>1</b> Which arm?</legend>
@@ -172,7 +169,7 @@ export function New() {
       ${at("name") && html`<p class="error" role="alert">${at("name")}</p>`}
       <p class="bar"><${Submit} disabled=${busy || !robot.value}>Make the plan<//>
         ${!robot.value && html`<span class="muted">Choose an arm first.</span>`}</p>
-      ${job.value && html`<${JobProgress} key=${job.value.id} job=${job.value} title="Making the plan" />`}
+      ${progress()}
       <ul class="lines" role="alert">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
     <//>`;
 }

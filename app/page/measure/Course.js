@@ -1,13 +1,12 @@
 // u of each offset by measurement, on one logarithmic axis, with its tolerance as a line. What is not determined has no
 // point.
 import { html } from "htm/preact";
-import { useEffect, useRef } from "preact/hooks";
 import { named, spread, unitSign, withUnit } from "../core/words.js";
+import { Plot } from "../parts/Plot.js";
 
 /** @typedef {import("./events.js").CoursePoint} CoursePoint */
 
 const TONES = ["identified", "weak", "unidentifiable", "misfit", "held", "muted", "ink"];
-const FONT = '12px "IBM Plex Sans", system-ui, sans-serif';
 const LEGEND_PX = 66; // three lines of it: the values where the cursor is, else the newest
 const DASHES = [[], [6, 3], [2, 3]]; // the same colours again, for more joints than colours
 
@@ -28,74 +27,40 @@ function linesOf(names, tolerances, unit) {
 
 /** @param {{rows: CoursePoint[], tolerances: Record<string, number>, units: Record<string, string>}} props */
 export function Course({ rows, tolerances, units }) {
-  const box = useRef(/** @type {HTMLDivElement | null} */ (null)), names = Object.keys(rows.at(-1)?.std ?? {});
+  const names = Object.keys(rows.at(-1)?.std ?? {});
   const unit = (/** @type {string} */ name) => units[name] ?? "deg", lines = linesOf(names, tolerances, unit);
   const signs = [...new Set(names.map((name) => unitSign(unit(name))))].join(" or ");
-  const plot = useRef(/** @type {import("uplot") | null} */ (null)), latest = useRef({ rows, lines });
-  latest.current = { rows, lines };
-  /** @returns {import("uplot").AlignedData} */
-  const table = () => {
-    const now = latest.current;
-    return [now.rows.map((row) => row.recorded),
-      ...names.map((name) => now.rows.map((row) => (row.std[name] ? row.std[name] : null))),
-      ...now.lines.map(({ value }) => now.rows.map(() => value))];
-  };
+  /** @type {import("uplot").AlignedData} */
+  const data = [rows.map((row) => row.recorded),
+    ...names.map((name) => rows.map((row) => (row.std[name] ? row.std[name] : null))),
+    ...lines.map(({ value }) => rows.map(() => value))];
   const shown = (/** @type {string} */ name, /** @type {number | null} */ std) =>
     (std === null ? "not determined" : spread(std, unit(name)));
   /** The value where the cursor is, else the newest. @param {string} name @returns {import("uplot").Series.Value} */
   const newest = (name) => (plotted, v, of, at) => shown(name, (at === null ? plotted.data[of].at(-1) : v) ?? null);
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  useEffect(() => {
-    let gone = false;
-    /** @type {ResizeObserver | null} */
-    let sizes = null;
-    const make = async () => {
-      const { default: UPlot } = await import("uplot");
-      const parent = box.current;
-      if (gone || !parent || !names.length) return;
-      const style = getComputedStyle(parent);
-      const colour = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`).trim();
-      const axis = { stroke: colour("muted"), grid: { stroke: colour("line"), width: 1 },
-        ticks: { stroke: colour("line"), width: 1 }, font: FONT, labelFont: FONT };
-      plot.current?.destroy();
-      plot.current = new UPlot({
-        width: Math.max(parent.clientWidth, 120), height: Math.max(parent.clientHeight - LEGEND_PX, 90),
-        cursor: { y: false }, legend: { live: true },
-        scales: { x: { time: false }, y: { distr: 3 } },
-        axes: [{ ...axis, label: "measurements", labelSize: 18, size: 26, incrs: [1, 2, 5, 10, 20, 50, 100] },
-          { ...axis, label: `u, ${signs}`, labelSize: 18, size: 52,
-            values: (_, ticks) =>
-              ticks.map((v) => (v === null || !/^1/.test(v.toExponential()) ? "" : `${Number(v.toPrecision(1))}`)) }],
-        series: [
-          { label: "measurements", value: (plotted, v) => v ?? plotted.data[0].at(-1) },
-          ...names.map((name, i) =>
-            ({ label: named(name), stroke: colour(TONES[i % TONES.length]),
-              dash: DASHES[Math.floor(i / TONES.length) % DASHES.length], width: 1.6,
-              points: { show: latest.current.rows.length < 40, size: 5 }, value: newest(name) })),
-          ...latest.current.lines.map(({ label, text }) =>
-            ({ label, stroke: colour("ink"), dash: [8, 4], width: 1, points: { show: false }, value: () => text })),
-        ],
-      }, table(), parent);
-      sizes?.disconnect();
-      sizes = new ResizeObserver(() =>
-        plot.current?.setSize({ width: Math.max(parent.clientWidth, 120),
-          height: Math.max(parent.clientHeight - LEGEND_PX, 90) }));
-      sizes.observe(parent);
-    };
-    make();
-    dark.addEventListener("change", make);
-    return () => {
-      gone = true;
-      dark.removeEventListener("change", make);
-      sizes?.disconnect();
-      plot.current?.destroy();
-      plot.current = null;
-    };
-  }, [names.join(), lines.map(({ label, text }) => label + text).join(), names.map(unit).join()]);
-  useEffect(() => { plot.current?.setData(table()); }, [rows, lines.map(({ value }) => value).join()]);
+  /** @type {Parameters<typeof Plot>[0]["options"]} */
+  const options = (tone, axis) => ({
+    cursor: { y: false }, legend: { live: true },
+    scales: { x: { time: false }, y: { distr: 3 } },
+    axes: [{ ...axis, label: "measurements", labelSize: 18, size: 26, incrs: [1, 2, 5, 10, 20, 50, 100] },
+      { ...axis, label: `u, ${signs}`, labelSize: 18, size: 52,
+        values: (_, ticks) =>
+          ticks.map((v) => (v === null || !/^1/.test(v.toExponential()) ? "" : `${Number(v.toPrecision(1))}`)) }],
+    series: [
+      { label: "measurements", value: (plotted, v) => v ?? plotted.data[0].at(-1) },
+      ...names.map((name, i) =>
+        ({ label: named(name), stroke: tone(TONES[i % TONES.length]),
+          dash: DASHES[Math.floor(i / TONES.length) % DASHES.length], width: 1.6,
+          points: { show: rows.length < 40, size: 5 }, value: newest(name) })),
+      ...lines.map(({ label, text }) =>
+        ({ label, stroke: tone("ink"), dash: [8, 4], width: 1, points: { show: false }, value: () => text })),
+    ],
+  });
   const says = `Standard uncertainty of each offset after 1 to ${rows.at(-1)?.recorded ?? 0} measurements. `
     + "The numbers are in the table.";
   return html`
     <figure class="course"><figcaption>Standard uncertainty u by measurement; dashed: tolerance</figcaption>
-      <div class="course-plot" ref=${box} role="img" aria-label=${says}></div></figure>`;
+      ${names.length > 0 && html`<${Plot} class="course-plot" data=${data} options=${options} says=${says}
+        shape=${JSON.stringify([names, names.map(unit), lines.map(({ label, text }) => label + text)])}
+        tall=${(/** @type {HTMLElement} */ room) => Math.max(room.clientHeight - LEGEND_PX, 90)} />`}</figure>`;
 }

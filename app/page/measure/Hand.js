@@ -18,16 +18,18 @@ const DIGITS = { rad: 4, pulse: 0 };
 const answerText = (word) => ANSWERS[word] ?? `It is measurement ${word.slice(3)}`;
 
 /**
+ * Counted as the terminal does.
  * @param {import("./events.js").Asked} asked
  * @param {import("./events.js").ReadingAsked | null} reading that of another measurement at the posture, perhaps
  */
 function title(asked, reading) {
   const { shot, instrument, reflector } = reading ?? asked;
   const target = shot === asked.shot && asked.target && asked.target !== reflector;
-  const parts = [`measurement ${shot}`, ...(asked.again === null ? [] : [`posture ${asked.again} again`]),
+  const parts = [`Measurement ${shot} (${asked.done} of ${Math.max(asked.postures, asked.done + 1)} done)`,
+    ...(asked.again === null ? [] : [`posture ${asked.again} again`]),
     ...(target ? [`target ${asked.target}`] : []), ...(instrument ? [`instrument ${instrument}`] : []),
     ...(reflector ? [`reflector ${reflector}`] : [])];
-  return `Posture ${asked.done + 1} of ${Math.max(asked.postures, asked.done + 1)}: ${parts.join(", ")}`;
+  return parts.join(", ");
 }
 
 /**

@@ -6,7 +6,7 @@ import { getFile } from "../core/api.js";
 import { over } from "../core/jobs.js";
 import { calibrationOf, go, route, toJob } from "../core/route.js";
 import { addressed, attempt, calibration, failed, versionOf } from "../core/store.js";
-import { named, spread, withUnit } from "../core/words.js";
+import { expandedWord, named, spread, withUnit } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
 import { into } from "../parts/heard.js";
 import { Message } from "../parts/Message.js";
@@ -85,11 +85,13 @@ function Known({ point, tolerances, consistent }) {
       <td class="right">${expanded === null ? "" : spread(expanded, unit)}</td>
       <td>${against(std, tolerances[name], unit)}</td></tr>`;
   };
+  const factors = Object.entries(point.std).flatMap(([name, std]) => (std ? (point.expanded[name] ?? 0) / std : []));
+  const expanded = factors.length ? expandedWord(Math.max(...factors)) : "U";
   return html`
     <table class="known">
       <thead>
-        <tr><th scope="col">offset</th><th scope="col" class="right">u</th><th scope="col" class="right">U (95 %)</th>
-          <th scope="col">tolerance of u</th></tr></thead>
+        <tr><th scope="col">offset</th><th scope="col" class="right">u</th>
+          <th scope="col" class="right">${expanded}</th><th scope="col">tolerance of u</th></tr></thead>
       <tbody>${Object.entries(point.std).map(([name, std]) => row(name, std))}</tbody></table>`;
 }
 

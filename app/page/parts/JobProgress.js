@@ -1,8 +1,9 @@
 // A command under way: how far it is, how long it still takes, a button that ends it, and what it says.
+// `useCommand` begins it, for a part of the page that has one at a time.
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
-import { over, well } from "../core/jobs.js";
-import { attempt } from "../core/store.js";
+import { begin, over, underWay, well } from "../core/jobs.js";
+import { attempt, refresh } from "../core/store.js";
 import { duration } from "../core/words.js";
 
 /**
@@ -27,4 +28,24 @@ export function JobProgress({ job, title, children = null }) {
         <pre class="log" tabindex="0" aria-label="What the command says">${now.log.join("\n")}</pre>`}
       ${good && children}
     </div>`;
+}
+
+export function useCommand() {
+  const now = useSignal(/** @type {{job: import("../core/jobs.js").Followed, title: string} | null} */ (null));
+  /** Until it has ended, and the folder was looked at. @param {import("../core/jobs.js").Followed} job */
+  const follow = async (job, title = "") => {
+    now.value = { job, title };
+    const ended = await job.ended;
+    await refresh();
+    return ended;
+  };
+  return {
+    busy: underWay(now.value?.job),
+    state: now.value?.job.state.value ?? null,
+    follow,
+    carryOut: async (/** @type {string[]} */ words, /** @type {string} */ title) => follow(await begin(words), title),
+    /** @param {unknown} [children] shown once it did what was asked */
+    progress: (children = null) => now.value && html`
+      <${JobProgress} key=${now.value.job.id} job=${now.value.job} title=${now.value.title}>${children}<//>`,
+  };
 }

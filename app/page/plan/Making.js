@@ -4,14 +4,14 @@ import { useSignal } from "@preact/signals";
 import { getFile, put, Refused } from "../core/api.js";
 import { parsedList } from "../core/decimal.js";
 import { answer, chosen, plan } from "../core/editing.js";
-import { begin, underWay, well } from "../core/jobs.js";
+import { well } from "../core/jobs.js";
 import { calibrationOf, goOn, route, toJob } from "../core/route.js";
-import { attempt, calibration, failed, freeName, inside, ofCalibration, ofKind, refresh } from "../core/store.js";
+import { attempt, calibration, failed, freeName, inside, ofCalibration, ofKind } from "../core/store.js";
 import { sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { Form, Submit } from "../parts/Form.js";
-import { JobProgress } from "../parts/JobProgress.js";
+import { useCommand } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { into } from "../parts/heard.js";
@@ -75,7 +75,7 @@ export function Making() {
   const headers = [...(plan.value ? [[OF_PLAN, "of the plan that is open"]] : []),
     ...[...new Set([...(calibration.value?.files.header ?? []), ...ofKind("header")])].map((one) => [one, one])];
   const header = useSignal(headers[0]?.[0] ?? ""), out = useSignal("");
-  const job = useSignal(/** @type {import("../core/jobs.js").Followed | null} */ (null));
+  const { busy, carryOut, progress } = useCommand();
   const lines = useSignal(/** @type {string[]} */ ([]));
   const now = wish.value, best = now.kind === "optimal";
   const set = (/** @type {Partial<typeof wish.value>} */ more) => { wish.value = { ...wish.value, ...more }; };
@@ -95,9 +95,7 @@ export function Making() {
       const stated = now.target.every((one) => one !== null) ? /** @type {number[]} */ (now.target)
         : there ? there.map((/** @type {number} */ v) => Number(v.toFixed(3))) : null;
       const stating = header.value === OF_PLAN ? await headerFile(to) : header.value;
-      job.value = await begin(words(stating, to, stated));
-      const ended = await job.value.ended;
-      await refresh();
+      const ended = await carryOut(words(stating, to, stated), "Making the plan");
       if (!well(ended) || !ended.answer) return;
       lines.value = [...ended.answer.said, ...(ended.answer.removed ? [ended.answer.removed] : [])];
       if (ended.answer.plan !== null) goOn(from, toJob(calibrationOf(to), "plan", to));
@@ -137,8 +135,8 @@ export function Making() {
         ${number("At most, with u", "most", { whole: true, least: 2 })}${number("Candidates", "candidates",
           { whole: true, least: 10 })}${number("Random seed", "seed", { whole: true, least: 0 })}
       </div><//>`}
-      <p class="bar"><${Submit} disabled=${underWay(job.value)}>Make the plan<//></p>
-      ${job.value && html`<${JobProgress} job=${job.value} title="Making the plan" />`}
+      <p class="bar"><${Submit} disabled=${busy}>Make the plan<//></p>
+      ${progress()}
       <ul class="lines">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
     <//>`;
 }

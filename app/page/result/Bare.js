@@ -3,29 +3,25 @@ import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get } from "../core/api.js";
-import { begin, follow, outOf, underWay, well } from "../core/jobs.js";
+import { follow as followed, outOf, well } from "../core/jobs.js";
 import { goOn, route, toJob } from "../core/route.js";
-import { attempt, refresh } from "../core/store.js";
-import { JobProgress } from "../parts/JobProgress.js";
+import { attempt } from "../core/store.js";
+import { useCommand } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
 import { history, loadHistory, showAnalysis } from "./state.js";
 import { into } from "../parts/heard.js";
 
-/** @typedef {import("../core/jobs.js").Followed} Followed */
-
 /** @param {{run: string, analysed: boolean}} props */
 export function Bare({ run, analysed }) {
   const folder = useSignal(""), proposed = `${run.replace(/\.[^./]*$/, "")}-report`;
-  const made = useSignal(/** @type {{job: Followed, title: string} | null} */ (null));
+  const { busy, state, follow, carryOut, progress } = useCommand(), title = `The report of ${run}`;
   const known = history.value?.runs.find((one) => one.file === run);
-  const busy = underWay(made.value?.job);
 
-  /** @param {Followed} job @param {string} to */
-  async function reported(job, to) {
+  /** @param {Promise<import("../core/jobs.js").JobState>} made @param {string} to */
+  async function reported(made, to) {
     const from = route.value;
-    made.value = { job, title: `The report of ${run}` };
-    if (!well(await job.ended)) return;
-    await Promise.all([refresh(), loadHistory()]);
+    if (!well(await made)) return;
+    await loadHistory();
     if (route.value.step === "result") goOn(from, toJob(from.name, "result", `${to.replace(/\/+$/, "")}/result.json`));
   }
   // A report that was begun before the page was loaded again is followed.
@@ -33,17 +29,15 @@ export function Bare({ run, analysed }) {
     attempt(async () => {
       const job = (await get("/api/jobs")).find((one) =>
         one.command[0] === "report" && one.command.at(-1) === run && ["waiting", "running"].includes(one.state));
-      if (job && made.value === null) await reported(follow(job.id), outOf(job.command));
+      if (job && state === null) await reported(follow(followed(job.id), title), outOf(job.command));
     });
   }, [run]);
   const report = () => attempt(async () => {
     const to = folder.value.trim() || proposed;
-    await reported(await begin(["report", run, `--out=${to}`]), to);
+    await reported(carryOut(["report", run, `--out=${to}`], title), to);
   });
   const analyse = () => attempt(async () => {
-    const job = await begin(["analyse", run]);
-    made.value = { job, title: `Analysis of ${run}` };
-    const ended = await job.ended;
+    const ended = await carryOut(["analyse", run], `Analysis of ${run}`);
     if (ended.state === "done" && ended.answer) showAnalysis(ended);
   });
   return html`
@@ -55,6 +49,6 @@ export function Bare({ run, analysed }) {
         <${TextField} label="Folder of the report" value=${folder.value} placeholder=${proposed}
           onValue=${into(folder)} />
       </div>
-      ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${made.value.title} />`}
+      ${progress()}
     </section>`;
 }

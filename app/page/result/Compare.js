@@ -2,19 +2,17 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { pageOf } from "../core/api.js";
-import { begin, underWay } from "../core/jobs.js";
-import { inside, attempt, refresh } from "../core/store.js";
+import { attempt, inside } from "../core/store.js";
 import { route } from "../core/route.js";
-import { capital, named, fixed } from "../core/words.js";
+import { capital, expandedWord, named, fixed } from "../core/words.js";
 import { Check } from "../parts/Check.js";
 import { into } from "../parts/heard.js";
-import { JobProgress } from "../parts/JobProgress.js";
+import { useCommand } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
 import { estimateOf, expandedOf } from "./numbers.js";
 import { history } from "./state.js";
 import { Table } from "../parts/Table.js";
 
-/** @typedef {import("../core/jobs.js").Followed} Followed */
 /** @typedef {import("../core/printed.js").Comparison} Comparison */
 
 /** @type {Record<string, string>} */
@@ -23,7 +21,8 @@ const TONES = { agrees: "pass", "does not agree": "misfit", "not tested": "weak"
 /** @param {{serial: string | null}} props the arm whose recordings come first */
 export function Compare({ serial }) {
   const chosen = useSignal(/** @type {string[]} */ ([])), folder = useSignal(""), all = useSignal(false);
-  const made = useSignal(/** @type {{job: Followed, folder: string, answer: Comparison | null} | null} */ (null));
+  const to = useSignal(""), { busy, state, carryOut, progress } = useCommand();
+  const found = /** @type {Comparison | undefined} */ (/** @type {unknown} */ (state?.answer));
   const known = history.value;
   if (known === null) return html`<p class="muted">…</p>`;
   const runs = known.runs.filter((run) => !run.error), own = serial ? runs.filter((run) => run.serial === serial) : [];
@@ -36,15 +35,9 @@ export function Compare({ serial }) {
   };
   const compare = (/** @type {Event} */ event) => {
     event.preventDefault();
-    attempt(async () => {
-      const to = folder.value.trim() || proposed, job = await begin(["compare", ...chosen.value, `--out=${to}`]);
-      made.value = { job, folder: to, answer: null };
-      const ended = await job.ended;
-      await refresh();
-      if (ended.answer && made.value?.job === job) {
-        made.value = { job, folder: to, answer: /** @type {Comparison} */ (/** @type {unknown} */ (ended.answer)) };
-      }
-    });
+    to.value = folder.value.trim() || proposed;
+    const words = ["compare", ...chosen.value, `--out=${to.value}`];
+    attempt(() => carryOut(words, `Comparison of ${chosen.value.length}`));
   };
   return html`
     <form onSubmit=${compare}>
@@ -57,11 +50,9 @@ export function Compare({ serial }) {
       <div class="bar">
         <${TextField} label="Folder of the comparison" value=${folder.value} placeholder=${proposed}
           onValue=${into(folder)} />
-        <button disabled=${chosen.value.length < 2 || underWay(made.value?.job)}>Compare</button></div>
-      ${made.value && html`
-        <${JobProgress} key=${made.value.job.id} job=${made.value.job}
-          title=${`Comparison of ${chosen.value.length}`} />`}
-      ${made.value?.answer && html`<${Compared} found=${made.value.answer} folder=${made.value.folder} />`}
+        <button disabled=${chosen.value.length < 2 || busy}>Compare</button></div>
+      ${progress()}
+      ${found && html`<${Compared} found=${found} folder=${to.value} />`}
     </form>`;
 }
 
@@ -77,7 +68,7 @@ function Compared({ found, folder }) {
       role="status"><p><b class="word">${capital(found.verdict)}.</b> ${named(found.headline)}</p></div>
     <ul class="notes">${found.notes.map((note) => html`<li>${named(note)}</li>`)}</ul>
     <${Table} name="Comparison"
-      heads=${["offset ± U (k = 2)", ...found.runs.map((run) => [run.name, "right"]),
+      heads=${[`offset ± ${expandedWord(2)}`, ...found.runs.map((run) => [run.name, "right"]),
         ["scatter over predicted", "right"]]}>
       <tbody>${found.offsets.map((row) => html`
         <tr key=${row.name}><th scope="row">${named(row.name)}</th>

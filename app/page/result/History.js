@@ -3,14 +3,14 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { pageOf } from "../core/api.js";
-import { begin, underWay, well } from "../core/jobs.js";
-import { attempt, refresh } from "../core/store.js";
+import { well } from "../core/jobs.js";
+import { attempt } from "../core/store.js";
 import { toJob } from "../core/route.js";
-import { counted, marked, named } from "../core/words.js";
+import { counted, expandedWord, marked, named } from "../core/words.js";
 import { typed } from "../core/decimal.js";
 import { Check } from "../parts/Check.js";
 import { Form, Submit } from "../parts/Form.js";
-import { JobProgress } from "../parts/JobProgress.js";
+import { useCommand } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { estimateOf, expandedOf } from "./numbers.js";
@@ -19,7 +19,6 @@ import { Trend } from "./Trend.js";
 import { into, value as heard } from "../parts/heard.js";
 import { Table } from "../parts/Table.js";
 
-/** @typedef {import("../core/jobs.js").Followed} Followed */
 /** @typedef {import("answers").BriefRun} BriefRun */
 /** @typedef {import("answers").BriefResult} BriefResult */
 
@@ -59,7 +58,7 @@ export function History({ serial, run }) {
     <p class="muted">
       ${serial ? `Serial number ${serial}: ${counted(runs.length, "run")} of this folder.`
         : "This run states no serial number: the results of an arm are gathered by it."}</p>
-    <${Table} name="Runs of this arm" of="history" heads=${["run", "date", "verdict", "offsets, ± U (k = 2)"]}>
+    <${Table} name="Runs of this arm" of="history" heads=${["run", "date", "verdict", `offsets, ± ${expandedWord(2)}`]}>
       <tbody>${runs.map((one) => {
         const result = one.results[0], error = one.error ?? result?.error;
         return html`
@@ -92,23 +91,22 @@ function Drift({ serial }) {
   const files = stated.map((run) => /** @type {BriefResult} */ (run.results.find((one) => !one.error)).file);
   const of = all.value ? null : serial, arms = new Set(stated.map((run) => run.serial));
   const proposed = of ? `history-${of.replace(/[^A-Za-z0-9_]+/g, "-").slice(0, 40)}` : "history";
-  const made = useSignal(/** @type {{job: Followed, title: string, page: string} | null} */ (null));
+  const page = useSignal(""), { busy, carryOut, progress } = useCommand();
   const make = (/** @type {Event} */ event) => {
     event.preventDefault();
     attempt(async () => {
+      page.value = "";
       for (let at = 0; at < files.length; at += AT_ONCE) {
         const part = files.slice(at, at + AT_ONCE);
-        const job = await begin(["history", "add", ...part, `--db=${db.value}`, "--replace"]);
-        made.value = { job, title: `${counted(part.length, "result")} into ${db.value}`, page: "" };
-        if (!well(await job.ended)) return;
+        const add = ["history", "add", ...part, `--db=${db.value}`, "--replace"];
+        if (!well(await carryOut(add, `${counted(part.length, "result")} into ${db.value}`))) return;
       }
       const to = (folder.value.trim() || proposed).replace(/\/+$/, "");
-      const job = await begin(["history", "report", `--db=${db.value}`,
+      const report = ["history", "report", `--db=${db.value}`,
         `--tolerance-mm=${typed(tolerance.value ?? 0.5, 6)}`, ...(day.value ? [`--as-of=${day.value}`] : []),
-        `--out=${to}`, ...(of ? ["--", of] : [])]);
-      made.value = { job, title: of ? `The page of ${of}` : "The pages of all arms",
-        page: `${to}/${of ? "arm" : "fleet"}.html` };
-      if (well(await job.ended)) await refresh();
+        `--out=${to}`, ...(of ? ["--", of] : [])];
+      if (!well(await carryOut(report, of ? `The page of ${of}` : "The pages of all arms"))) return;
+      page.value = `${to}/${of ? "arm" : "fleet"}.html`;
     });
   };
   return html`
@@ -130,13 +128,8 @@ function Drift({ serial }) {
           onValue=${into(folder)} />
       </div>
       <p class="bar">
-        <${Submit} main=${false} disabled=${!files.length || underWay(made.value?.job)}>Make the pages<//></p>
-      ${made.value && html`
-        <${JobProgress} key=${made.value.job.id} job=${made.value.job}
-          title=${made.value.title}>
-          ${made.value.page && html`
-            <p>
-              <a class="button" href=${pageOf(made.value.page)} target="_blank"
-                rel="noopener">Open the page</a></p>`}<//>`}
+        <${Submit} main=${false} disabled=${!files.length || busy}>Make the pages<//></p>
+      ${progress(page.value && html`
+        <p><a class="button" href=${pageOf(page.value)} target="_blank" rel="noopener">Open the page</a></p>`)}
     <//>`;
 }

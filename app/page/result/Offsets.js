@@ -3,7 +3,7 @@
 import { html } from "htm/preact";
 import { goOn, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
-import { capital, fixed, marked, named, sentence, SHAPES, WORDS } from "../core/words.js";
+import { capital, expandedWord, fixed, marked, named, sentence, SHAPES, WORDS } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
 import { estimateOf, expandedOf } from "./numbers.js";
 import { refitFault, refitted, saveWithout, shift, single } from "./state.js";
@@ -48,9 +48,10 @@ function Table({ rows, k, again, label }) {
   const shape = (/** @type {string} */ status) => html`
     <span aria-hidden="true">${SHAPES[status] ?? ""}</span><span class="unseen">${status}</span>`;
   return html`
-    <${Scrolled} name=${label} of="offsets" heads=${["name", ["estimate", "right"], ["U", "right"],
+    <${Scrolled} name=${label} of="offsets" heads=${["name", ["estimate", "right"], [expandedWord(k), "right"],
       again ? unseen("status") : "status",
-      ...(again ? [["without them", "right"], ["U", "right"], unseen("status without them")] : [])]}>
+      ...(again ? [["without them", "right"], [expandedWord(again.coverage_factor), "right"],
+        unseen("status without them")] : [])]}>
       <tbody>${rows.map((row) => {
         const other = others.get(row.name);
         return html`
