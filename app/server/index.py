@@ -27,6 +27,7 @@ from ...model.records import internal, it, key, record
 from ...words.wording import clipped
 from .folder import Folder
 from .kept import kept
+from .requests import at_key
 from .versions import version_of, version_of_sum
 
 MOST_SEEN = 20_000  # files that are looked at
@@ -34,7 +35,8 @@ LARGEST_RESULT = 16 * 10**6  # bytes
 _LARGEST_LISTED = 4 * 10**6  # bytes of a result that is looked at beside others
 _LARGEST_RUN = 16 * 10**6  # bytes
 _KEPT = 8000
-_TYPES = {".yaml", ".yml", ".json", ".jsonl", ".urdf"}  # of files that have a kind
+_YAML = {".yaml", ".yml"}
+_TYPES = {*_YAML, ".json", ".jsonl", ".urdf"}  # of files that have a kind
 _HEAD = 4096  # bytes: where the schema of a file is
 _SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
 _SHOT = re.compile(rb'"shot"\s*:\s*(\d+)')
@@ -162,13 +164,27 @@ def kind_of(path: Path) -> str:
         return "other"
 
 
+def yaml_path(folder: Folder, file: str, kind: str) -> Path:
+    """Where a YAML file of a kind is written: a new file, or in place of one of this kind; Refused else."""
+    with at_key("file"):
+        path = folder.inside(file)
+        if path.suffix.lower() not in _YAML:
+            raise BadInput(
+                f"this is no name of a {kind} file", found=file, allowed="a name that ends in .yaml"
+            )
+        if path.exists() and kind_of(path) != kind:
+            allowed = f"a new file, or a {kind} file that is there"
+            raise BadInput("something else has this name", found=file, allowed=allowed)
+    return path
+
+
 @kept(MOST_SEEN)
 def _kind(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD)
     if (schema := _SCHEMA.search(head)) is not None:
         return schema[1].decode()
-    yaml = path.suffix.lower() in {".yaml", ".yml"}
+    yaml = path.suffix.lower() in _YAML
     keys = set(re.findall(rb"^(\w+):", head, re.M))
     if yaml and b"robot" in keys and (keys >= {b"tool", b"noise"} or b"instruments" in keys):
         return "header"

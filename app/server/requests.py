@@ -219,6 +219,22 @@ def refused(error: BadInput, key: KeyPath) -> Refused:
     return same
 
 
+def wrong(key: KeyPath, what: str, found: object, allowed: object) -> Refused:
+    """The refusal of a value that was sent."""
+    return refused(BadInput(what, found=found, allowed=allowed), key)
+
+
+@contextmanager
+def at_key(*key: str | int) -> Iterator[None]:
+    """Within, bad input is what was sent by this key."""
+    try:
+        yield
+    except BadInput as error:
+        same = refused(error, key)
+        same.line = error.line
+        raise same from error
+
+
 @record(kw_only=True)
 class ErrorFacts:
     """What is wrong."""

@@ -33,7 +33,7 @@ from ....model.records import it, record
 from ....words.wording import capital
 from ..folder import Folder
 from ..job_commands import job_command
-from ..requests import Content, Refused, end_point, refused
+from ..requests import Content, at_key, end_point, wrong
 from ..versions import version_of
 from .robot_library import whole_ref
 
@@ -47,7 +47,7 @@ class MadeFolder:
 
 def new_path(folder: Folder, name: str) -> Path:
     """Where a folder of this name is to be made; Refused, with the key, where it is taken or cannot be."""
-    try:
+    with at_key("name"):
         if "/" in name or "\\" in name or name != name.strip():
             raise BadInput(
                 "this is no name of one folder",
@@ -58,8 +58,6 @@ def new_path(folder: Folder, name: str) -> Path:
         if os.path.lexists(folder.root / name):  # a link to nowhere
             raise BadInput("there is something of this name already", found=name, allowed="a free name")
         return path
-    except BadInput as error:
-        raise refused(error, ("name",)) from error
 
 
 @end_point("POST /api/folders", "Makes an empty folder for a calibration.")
@@ -180,9 +178,9 @@ def choices(_: Folder) -> CalibrationChoices:
 )
 def proposal(folder: Folder, robot: StatedRobot, instrument: StatedInstrument) -> CalibrationProposal:
     """Where the places are, and how the instrument is assumed to be mounted."""
-    with _at_key("robot"):
+    with at_key("robot"):
         arm = load_robot(whole_ref(folder, robot, folder.root), folder.root)
-    with _at_key("instrument"):
+    with at_key("instrument"):
         mounted = mounted_of(instrument, arm)
     return CalibrationProposal(
         places=[
@@ -246,14 +244,14 @@ def make(
 ) -> MadeCalibration:
     """Make the folder of a calibration with its header, whole or not at all."""
     path = new_path(folder, name)
-    with _at_key("robot"):
+    with at_key("robot"):
         arm = load_robot(whole_ref(folder, robot, folder.root), folder.root)
-    with _at_key("place", "point_mm"):
+    with at_key("place", "point_mm"):
         target = place_of(at.kind, arm, at.point_mm)
     facing = at.facing or next(row.facing for row in PLACES if row.kind == at.kind)
     if not any(facing):
-        raise _refusal(("place", "facing"), "this direction has no length", facing, "a direction")
-    with _at_key("instrument"):
+        raise wrong(("place", "facing"), "this direction has no length", facing, "a direction")
+    with at_key("instrument"):
         new = new_calibration(instrument, arm, target, facing, measurements, mounted)
     provenance = {} if serial is None else {"provenance": {"serial": serial}}
     ref = rebased(robot, folder.root, path)
@@ -308,20 +306,6 @@ def _whole(path: Path) -> Iterator[Path]:
         sync_folder(path.parent)
     except OSError as error:
         what = "the folder cannot be made"
-        raise _refusal(
-            ("name",), what, error.strerror or str(error), "a folder that can be written"
-        ) from None
+        raise wrong(("name",), what, error.strerror or str(error), "a folder that can be written") from None
     finally:
         shutil.rmtree(part, ignore_errors=True)
-
-
-@contextmanager
-def _at_key(*key: str) -> Iterator[None]:
-    try:
-        yield
-    except BadInput as error:
-        raise refused(error, key) from error
-
-
-def _refusal(key: tuple[str, ...], what: str, value: object, allowed: str) -> Refused:
-    return refused(BadInput(what, found=value, allowed=allowed), key)

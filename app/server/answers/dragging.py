@@ -7,7 +7,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ....model.errors import BadInput
 from ....model.files.header import RobotRef
 from ....model.files.robot_file import load_robot
 from ....model.instruments.rotations import rotation_of_quaternion
@@ -16,7 +15,7 @@ from ....model.kinematics.pendant import beyond_limits
 from ....model.parsing.validation import Vector, as_tuple
 from ....model.records import it, record
 from ..folder import Folder
-from ..requests import end_point, refused
+from ..requests import end_point, wrong
 from .robot_library import rounded, whole_ref
 
 _REACHED_MM, _REACHED_DEG = 0.01, 0.01
@@ -57,14 +56,12 @@ def inverse(
     start = folder.root if file is None else folder.inside(file).parent
     arm = load_robot(whole_ref(folder, robot, start), start)
     if len(joints_deg) != arm.n:
-        error = BadInput("another number of joints", found=len(joints_deg), allowed=arm.n)
-        raise refused(error, ("joints_deg",))
+        raise wrong(("joints_deg",), "another number of joints", len(joints_deg), arm.n)
     rotation = None
     if quaternion_wxyz is not None:
         quaternion = np.array(quaternion_wxyz)
         if not np.linalg.norm(quaternion) > 1e-6:
-            error = BadInput("this quaternion has no length", found="0", allowed="[w, x, y, z]")
-            raise refused(error, ("quaternion_wxyz",))
+            raise wrong(("quaternion_wxyz",), "this quaternion has no length", 0, "[w, x, y, z]")
         rotation = rotation_of_quaternion(quaternion / np.linalg.norm(quaternion))
     joints = np.array(joints_deg) / arm.display
     there = nearest_posture(arm, joints, np.array(position_mm), rotation)

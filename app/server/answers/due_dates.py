@@ -5,7 +5,6 @@ The drift is fitted beside the answers, by a thread of its own: who asks waits a
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Collection, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from ....model.errors import BadInput
+from ..kept import kept
 
 TOLERANCE_MM = 0.5  # TCP error that is tolerated: as `zerobeam history drift` has it
 _PATIENCE_S = 0.2  # of one answer
@@ -37,10 +37,6 @@ class DueDate:
         return self.date <= datetime.now(UTC).replace(tzinfo=None)
 
 
-_Key = tuple[object, ...]
-_MADE: OrderedDict[_Key, Future[tuple[DueDate, ...]]] = OrderedDict()
-
-
 def due_dates(
     databases: Sequence[Path], serials: Collection[str], patience_s: float = _PATIENCE_S
 ) -> dict[str, DueDate]:
@@ -49,7 +45,7 @@ def due_dates(
     sought = tuple(sorted(serials))
     for path in databases[:_MOST_DATABASES] if sought else ():
         try:
-            made = _fit_of(path, sought)
+            made = _fit_of(path, _log_of(path), sought)
             dates = made.result(timeout=patience_s)
         except (BadInput, OSError, TimeoutError):
             continue
@@ -59,23 +55,17 @@ def due_dates(
     return known
 
 
-def _fit_of(path: Path, serials: tuple[str, ...]) -> Future[tuple[DueDate, ...]]:
-    """The due dates by this version of a database, under way or known."""
-    key = (*_version(path), serials)
-    if key not in _MADE:
-        _MADE[key] = _FITS.submit(_dates, path, serials)
-        while len(_MADE) > _MOST_KEPT:
-            _MADE.popitem(last=False)
-    _MADE.move_to_end(key)
-    return _MADE[key]
+@kept(_MOST_KEPT)
+def _fit_of(path: Path, log: tuple[int, int] | None, serials: tuple[str, ...]) -> Future[tuple[DueDate, ...]]:
+    """The due dates by this version of a database and its `log`, under way or known."""
+    return _FITS.submit(_dates, path, serials)
 
 
-def _version(path: Path) -> _Key:
-    """Of the database, with the log that what was written last is in."""
-    facts, log = path.stat(), path.with_name(f"{path.name}-wal")
-    logged = log.stat() if log.exists() else None
-    ahead = None if logged is None or not logged.st_size else (logged.st_mtime_ns, logged.st_size)
-    return (str(path), facts.st_ino, facts.st_mtime_ns, facts.st_size, ahead)
+def _log_of(path: Path) -> tuple[int, int] | None:
+    """When the log of a database, which has what was written last, was changed, and its size; None: empty."""
+    log = path.with_name(f"{path.name}-wal")
+    facts = log.stat() if log.exists() else None
+    return None if facts is None or not facts.st_size else (facts.st_mtime_ns, facts.st_size)
 
 
 def _dates(path: Path, serials: tuple[str, ...]) -> tuple[DueDate, ...]:

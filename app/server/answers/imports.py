@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from functools import cache, partial
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from functools import cache
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
@@ -30,8 +28,8 @@ from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import FileModel, as_tuple, validate
 from ....model.records import it, record
 from ..folder import Folder
-from ..index import kind_of
-from ..requests import Content, Precondition, Refused, end_point, keyed, noted, refused
+from ..index import yaml_path
+from ..requests import Content, Precondition, at_key, end_point, keyed, noted, wrong
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from . import contents_process
 from .forms import FormField, form_of
@@ -39,7 +37,6 @@ from .robot_library import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
 _SHOWN = 8  # rows of a table
-_Value = TypeVar("_Value")
 Ends = tuple[float, float]
 
 
@@ -210,14 +207,16 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
     robot = _robot(folder, request)
     chosen = request.columns
     if chosen is not None and len(chosen) != robot.n:
-        raise _wrong(
+        raise wrong(
             ("columns",), "one column is required for each joint", len(chosen), f"{robot.n} ({robot.name})"
         )
     for i, number in enumerate(request.reversed_joints):
         if not 1 <= number <= robot.n:
-            raise _wrong(("reversed_joints", i), "there is no such joint", number, f"1 to {robot.n}")
+            raise wrong(("reversed_joints", i), "there is no such joint", number, f"1 to {robot.n}")
+    with at_key("j3"):
+        counting = Pendant(robot, request.j3)
     joint_columns = JointColumns(
-        _at(("j3",), lambda: Pendant(robot, request.j3)),
+        counting,
         None,
         request.units,
         request.lengths,
@@ -308,11 +307,7 @@ def write(
 ) -> WrittenHeader:
     """Write a header as a new file or over a header, whole or not at all; nothing else is ever replaced, nor
     another version than the one that was read."""
-    if Path(file).suffix.lower() not in {".yaml", ".yml"}:
-        raise _wrong(("file",), "a header cannot have this name", file, "a name that ends in .yaml")
-    path = _at(("file",), lambda: folder.inside(file))
-    if path.exists() and kind_of(path) != "header":
-        raise _wrong(("file",), "something else has this name", file, "a new file, or a header")
+    path = yaml_path(folder, file, "header")
     read, use = _checked(folder, file, header)
     with replacing(path, precondition, lambda: header_file(folder, file)) as force:
         write_header(path, read, force=force)
@@ -339,7 +334,8 @@ def _checked(folder: Folder, file: str, header: Content) -> tuple[Header, Header
 
 def _robot(folder: Folder, request: ColumnsRequest) -> Robot:
     start = folder.root if request.beside is None else folder.inside(request.beside).parent
-    return _at(("robot",), lambda: load_robot(whole_ref(folder, request.robot, start), start))
+    with at_key("robot"):
+        return load_robot(whole_ref(folder, request.robot, start), start)
 
 
 def _layout(request: TableForm) -> Content:
@@ -353,28 +349,12 @@ def _raw(table: TextTable, chosen: tuple[str | None, ...] | None, robot: Robot) 
     values = np.full((len(table.rows), robot.n), np.nan)
     for i, name in enumerate(chosen or ()):
         if name is not None:
-            values[:, i] = _at(("columns", i), partial(_numbers, table, name))
+            with at_key("columns", i):
+                values[:, i] = table.numbers([table.column(name)])[:, 0]
     return values
-
-
-def _numbers(table: TextTable, name: str) -> Matrix:
-    return table.numbers([table.column(name)])[:, 0]
 
 
 def _range(values: Matrix) -> Ends | None:
     if np.isnan(values).any():
         return None
     return float(values.min()), float(values.max())
-
-
-def _wrong(key: tuple[str | int, ...], what: str, value: object, allowed: object) -> Refused:
-    return refused(BadInput(what, found=value, allowed=allowed), key)
-
-
-def _at(key: tuple[str | int, ...], use: Callable[[], _Value]) -> _Value:
-    try:
-        return use()
-    except BadInput as error:
-        same = refused(error, key)
-        same.line = error.line
-        raise same from error

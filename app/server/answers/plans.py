@@ -17,7 +17,7 @@ from ....analysis.observability.aim import AimedPlan, aim_plan
 from ....analysis.observability.check import Check, Violation, WithoutPosture, without_posture
 from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
-from ....experiments.plans.obstacles import read_obstacles, write_obstacles
+from ....experiments.plans.obstacles import write_obstacles
 from ....experiments.rigs_offered import OfferedRun, offered_run
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
@@ -35,6 +35,7 @@ from ....words.observability import over_target_sentence
 from ....words.outlook_words import HEADS, TITLE, shown_remedies
 from ....words.plan_catalogue import violation_words
 from ..folder import Folder
+from ..index import yaml_path
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
@@ -203,10 +204,7 @@ def write(
 ) -> WrittenPlan:
     """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced, nor
     another version than the one that was read."""
-    path = _yaml_path(folder, file, "a plan")
-    if path.exists():
-        document = read_yaml(path)
-        require_schema(document.data, PLAN_SCHEMA, file=path, line=None)
+    path = yaml_path(folder, file, "plan")
     with noted() as notes:
         written = _plan_of(folder, plan, path)
     rows = written.postures * written.robot.display
@@ -300,20 +298,10 @@ def write_obstacles_file(
 ) -> WrittenObstacles:
     """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced, nor another
     version than the one that was read."""
-    path = _yaml_path(folder, file, "obstacles")
-    if path.exists():
-        read_obstacles(path)
+    path = yaml_path(folder, file, "obstacles")
     with replacing(path, precondition, lambda: obstacles_file(folder, file)) as force:
         write_obstacles(path, obstacles, force=force)
     return WrittenObstacles(version=version_of(path), file=folder.called(path))
-
-
-def _yaml_path(folder: Folder, file: str, content: str) -> Path:
-    """Where a YAML file with this kind of content is written."""
-    path = folder.inside(file)
-    if path.suffix.lower() not in {".yaml", ".yml"}:
-        raise BadInput(f"{content} cannot have this name", found=file, allowed="a name that ends in .yaml")
-    return path
 
 
 def _aimed(folder: Folder, content: Content, file: str | None) -> AimedPlan:

@@ -26,7 +26,7 @@ from ....words.message import headline
 from ....words.misfit_words import criterion_sentence
 from ..folder import Folder
 from ..kept import kept
-from ..requests import Refused, end_point
+from ..requests import end_point, wrong
 from ..versions import Versioned, version_of
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
@@ -164,9 +164,7 @@ def _left(numbers: tuple[int, ...], without: tuple[int, ...]) -> Index:
     few are left that nothing can be determined."""
     for k, number in enumerate(without):
         if number not in numbers:
-            error = Refused("the run has no measurement of this number", found=number)
-            error.key = ("without", k)
-            raise error
+            raise wrong(("without", k), "the run has no measurement of this number", number, None)
     left = np.flatnonzero(~np.isin(numbers, without))
     if len(left) < 2:
         raise BadInput(
