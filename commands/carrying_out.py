@@ -42,7 +42,7 @@ def run(
     options.require_consistent()
     from ..experiments.plans.constraints import require_constraints
     from ..experiments.procedure.events import ConfirmationAsked, RunEvent, event_json
-    from ..experiments.recording import Answers, RunRequest, record
+    from ..experiments.recording import Answers, RunRequest, missing_words, record, still_to_come
     from ..experiments.rigs.live.at_rest import CentredLines
     from ..model.files.plan import read_plan
     from ..reports.output.live_view import led_view, live_view
@@ -93,15 +93,28 @@ def run(
             view = opened.enter_context(live_view(err))
         try:
             answer = record(planned, file, request, report)
-        except KeyboardInterrupt:
-            if file.exists():
-                kept = f"What is recorded stays in {file}: the same command with --resume goes on."
-                say(kept, to=err)
+        except (KeyboardInterrupt, RigFault) as stopped:
+            missing = still_to_come(planned, file)
+            some_recorded = len(missing) < len(planned.postures)
+            if some_recorded or (file.exists() and isinstance(stopped, KeyboardInterrupt)):
+                also = f"; {missing_words(missing)}" if missing and not options.adaptive else ""
+                say(f"What is recorded stays in {file}{also}.", to=err)
+                _say_how_to_go_on(plan, file, options)
             raise
     if as_json or not json_lines:
         show_answer(as_json, event_json(answer), lambda: ended_page(answer), run=file)
+    if answer.missing and not json_lines:
+        _say_how_to_go_on(plan, file, options)
     done = 0 if answer.verifies else EXIT_STATUS[answer.verdict]  # a test is judged by zerobeam verify
     raise typer.Exit(1 if answer.missing else done)
+
+
+def _say_how_to_go_on(plan: Path, file: Path, options: RunOptions) -> None:
+    from ..reports.output.terminal import print_blocks
+    from ..reports.style.blocks import Commands
+
+    say("To go on:", to=err)
+    print_blocks(err, [Commands([options.resuming(plan, file)])])
 
 
 def _live_answers(opened: ExitStack, plan: Plan, options: RunOptions, *, attended: bool) -> Answers:

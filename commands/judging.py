@@ -186,12 +186,11 @@ def _recorded(path: Path, drop: list[str] | None) -> Run:
 
 def _where_the_person_stands(result: Result, path: Path) -> Result:
     """The result with its run named as it was typed, so that printed commands work in this folder; a run that
-    is in no file keeps its name."""
+    is in no file is named as one beside it."""
     from ..model.files.run import in_no_file
 
-    if in_no_file(result.inputs.run):
-        return result
-    return replace(result, inputs=replace(result.inputs, run=path.as_posix()))
+    typed = path.with_name(result.inputs.run) if in_no_file(result.inputs.run) else path
+    return replace(result, inputs=replace(result.inputs, run=typed.as_posix()))
 
 
 def _analysed(recorded: Run, options: AnalyseOptions, tell: Callable[[str, float], None]) -> Analysis:

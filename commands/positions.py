@@ -7,6 +7,7 @@ import typer
 
 from ..experiments.positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from ..model.options import Option, argument
+from ..words.controllers import POSITIONS
 from .console import out as console
 from .console import say, show_answer
 from .formats import Group
@@ -21,7 +22,8 @@ positions = Group(
 BackupPath = Annotated[
     Path,
     argument(
-        "Backup of the controller: a folder, a zip, or one file (RAPID .mod; KRL .src, .dat; FANUC .ls)."
+        "Backup of the controller: a folder, a zip, or one file"
+        f" ({'; '.join(f'{vendor}: {endings}' for vendor, endings in POSITIONS.items())})."
     ),
 ]
 NewFolder = Annotated[Path, Option("Folder for the converted files, empty or new.", "-o --out")]

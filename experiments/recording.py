@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from ..model.files.header import Header
 from ..model.files.journal import RunJournal
 from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
-from ..model.files.run import read_run
+from ..model.files.run import read_run, recorded
 from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
@@ -376,6 +376,24 @@ def _require_rehearsal(file: Path, request: RunRequest) -> None:
         )
 
 
+def missing_words(missing: Sequence[int]) -> str:
+    """Which measurements of a plan are missing; there is one at least."""
+    numbers = listed([str(number) for number in missing], 99)
+    one = len(missing) == 1
+    return f"measurement{'' if one else 's'} {numbers} of the plan {'is' if one else 'are'} missing"
+
+
+def still_to_come(plan: Plan, file: Path) -> tuple[int, ...]:
+    """The measurements of the plan that the run file has not; all of one that cannot be read."""
+    every = range(len(plan.postures))
+    try:
+        run, _ = recorded(file.read_bytes(), file)
+    except (OSError, BadInput):
+        return tuple(every)
+    done = {shot.shot for shot in run.shots}
+    return tuple(number for number in every if number not in done)
+
+
 def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> RunOpened:
     return RunOpened(
         rig=request.kind,
@@ -397,8 +415,6 @@ def _answer(
         raise RigFault(f"no measurement could be recorded: {'; '.join(why_not)}")
     notes = [f"Measurement {r.shot} was refused ({r.reason}): {r.found}" for r in result.refused]
     notes += [torn] if torn else []
-    if result.missing:
-        notes.append(f"The run ended before the plan was through: --resume goes on with {file.name}")
     # Of a plan that moves a robot there are none.
     broken = violations(aim_plan(plan))
     notes += [f"Posture {each.posture}: {violation_words(each)}" for each in broken]
@@ -409,9 +425,7 @@ def _answer(
     saved = new - done - set(result.missing)
     incomplete = ""
     if result.missing:
-        numbers = listed([str(number) for number in result.missing], 99)
-        be = "is" if len(result.missing) == 1 else "are"
-        incomplete = f"Not complete: measurement {numbers} of the plan {be} missing. "
+        incomplete = f"Not complete: {missing_words(result.missing)}. "
     verifies = header.provenance.get(VERIFIES)
     if verifies is None:
         summary, headline = message_so_far(state, file.name, header), headline_so_far(state)

@@ -1,11 +1,12 @@
 """How a plan is carried out, as it is stated to `run`."""
 
+import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from ..model.errors import BadInput
-from ..model.options import Option, Seed
+from ..model.options import Option, Seed, options_of
 
 RIGS = ("simulated", "replay", "abb", "manual")
 
@@ -115,6 +116,18 @@ class RunOptions:
     def kind(self) -> Literal["simulated", "replay", "abb", "manual", "live"]:
         """The rig without its address."""
         return "live" if "://" in self.rig else self.rig  # type: ignore[return-value]
+
+    def resuming(self, plan: Path, file: Path) -> str:
+        """The command that goes on with a run of the plan, as it can be pasted. A password is not shown, and
+        before the arm moves a person is asked again."""
+        left_out = ("resume", "force", "password", "yes")
+        words = [
+            word
+            for one in options_of(RunOptions)
+            if one.name not in left_out
+            for word in one.words_for(getattr(self, one.name))
+        ]
+        return shlex.join(["zerobeam", "run", str(plan), "-o", str(file), *words, "--resume"])
 
     def require_consistent(self) -> None:
         """BadInput for options that contradict each other, or are for another rig."""

@@ -124,6 +124,15 @@ class OptionField:
         """Whether it takes no value."""
         return bool in self.kinds
 
+    def words_for(self, value: Any) -> list[str]:
+        """What states a value of what is typed as it is; nothing of the usual one."""
+        if value == self.default:
+            return []
+        if not self.box:
+            return [self.flag, str(value)]
+        true, *false = self.long_flags
+        return [true] if value else false
+
     def value(self, typed: Any) -> Any:
         """What was typed as the record has it."""
         if typed == self.typed_default:

@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import get_args
 
 from ..analysis.answer.findings import off_placements, on_the_model
@@ -18,7 +19,7 @@ from ..analysis.observability.power import DetectionPower
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import Verdict
 from ..model.files.header import StatedRequirement
-from ..model.files.run import in_no_file
+from ..model.files.run import REFIT, in_no_file
 from ..model.instruments.registry import KINDS
 from .provenance import is_simulated
 from .wording import Namer, person
@@ -184,6 +185,10 @@ class RunCase:
 def run_argument(name: str) -> str:
     """The run's file for a command, or of a run in memory the one to write it to; a stand-in where the name
     holds what a shell would read."""
+    if in_no_file(name):
+        path = Path(name)
+        made = f"{path.stem.removesuffix(REFIT)}-refit" if path.stem.endswith(REFIT) else path.name
+        name = path.with_name(f"{made}.jsonl").as_posix()
     if not _SAFE.fullmatch(name):
         return "RUN.jsonl"
-    return shlex.quote(f"{name}.jsonl" if in_no_file(name) else name)
+    return shlex.quote(name)

@@ -59,6 +59,7 @@ from .entries import (
     if_,
     open_directions,
     some,
+    why_each,
     why_open,
 )
 from .finding_words import finding_sentence, likelihood_message
@@ -80,7 +81,7 @@ from .observability import (
     stating,
 )
 from .outlook_words import BetterPostures, better_postures, plan_command
-from .provenance import left_out
+from .provenance import left_out, rig_words
 from .wording import are, capital, clipped, listed, person
 
 
@@ -258,7 +259,9 @@ def _measure_again(change: RepeatsDiffer, case: RunCase) -> str:
 def _once_more(change: RepeatsDiffer, case: RunCase) -> str | None:
     if _measured_twice(change) or not _planned(case):
         return None
-    return f"zerobeam run PLAN -o {case.argument} --resume --once-more"
+    cell = ["--cell", "CELL"] if "cell sha256" in case.provenance else []
+    rig = " ".join([*cell, *(rig_words(case.provenance) or ["--rig", "RIG"])])
+    return f"zerobeam run PLAN -o {case.argument} {rig} --resume --once-more"
 
 
 def _measured_twice(change: RepeatsDiffer) -> bool:
@@ -500,7 +503,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "an unidentifiable offset",
         "doubt",
-        lambda one, case: why_open(one, case.name),
+        lambda one, case: why_each(one, case.name),
         _determine,
         _plan_or_again,
         place="cause",

@@ -16,7 +16,7 @@ from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from .geometry_words import by_tolerances
 from .observability import reason
-from .wording import WEAK, Namer, capital, ended, person, sentence
+from .wording import WEAK, Namer, capital, ended, joints, listed, person, sentence
 
 VERDICT_WORDS: dict[PlanVerdict, str] = {
     "pass": "Pass",
@@ -26,6 +26,7 @@ VERDICT_WORDS: dict[PlanVerdict, str] = {
     "violated": "Constraints violated",
 }
 _MOST_CAUTIONS = 6
+_MOST_REASONS = 2
 NONE_ESTIMATED = "No offset is estimated: all are held."
 
 # `stop`: no value of the answer is relied on. `doubt`: none is entered yet. `note`: it is said.
@@ -164,10 +165,12 @@ def if_(holds: Callable[[A], bool]) -> Callable[[A], Iterator[A]]:
 
 
 class Open(NamedTuple):
-    """The least well determined offset of a status, and the direction that the measurements leave open."""
+    """The least well determined offset of a status, and the direction that the measurements leave open; the
+    `others` of that status with theirs."""
 
     row: Any
     direction: NullDirection
+    others: tuple[Open, ...] = ()
 
 
 def open_directions(
@@ -175,12 +178,28 @@ def open_directions(
 ) -> Iterator[Open]:
     if of_status := [row for row in rows if row.status == status]:
         row = max(of_status, key=lambda row: row.std or 0.0)
-        yield Open(row, worst_direction(null_space, row.name))
+        each = {one.name: Open(one, worst_direction(null_space, one.name)) for one in of_status}
+        yield each.pop(row.name)._replace(others=tuple(each.values()))
 
 
 def why_open(one: Open, name: Namer) -> str:
     cause = one.direction.cause
     return by_tolerances(cause, one.row.tolerance_share) or reason(cause, name)
+
+
+def why_each(one: Open, name: Namer, *, named: bool = False) -> str:
+    """The same of all offsets of its status. Where they have several reasons each is said of its offsets, at
+    most `_MOST_REASONS`; one reason of all is said of none, or of the first (`named`)."""
+    names: dict[str, list[str]] = {}
+    for each in (one, *one.others):
+        names.setdefault(why_open(each, name), []).append(each.row.name)
+    if len(names) == 1:
+        (text,) = names
+        return f"{name(one.row.name)}: {text}" if named else text
+    parts = [f"{listed(joints(of, name))}: {text}" for text, of in names.items()]
+    more = [each for of in list(names.values())[_MOST_REASONS:] for each in of]
+    rest = [f"{listed(joints(more, name))} for other reasons"] if more else []
+    return "; ".join([*parts[:_MOST_REASONS], *rest])
 
 
 def assumed_of(rows: Iterable[Any]) -> list[tuple[Assumption, ...]]:

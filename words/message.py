@@ -21,7 +21,7 @@ from ..analysis.observability.geometry_result import Basis
 from ..analysis.solution import Solution
 from ..analysis.status import Verdict, known
 from ..model.files.header import Header
-from ..model.files.run import LEFT_OUT, in_no_file
+from ..model.files.run import LEFT_OUT, in_no_file, made_without
 from ..model.instruments.flange_tool import FlangeTool
 from ..model.likelihood.parameters import Unit
 from . import numbers
@@ -168,14 +168,16 @@ def _of_run(case: RunCase) -> Message:
         unit, u = numbers.unit_of(row.unit), k * row.std
         return f"{numbers.estimate(row.estimate, u, unit)} ± {numbers.spread(u, unit)}"
 
-    content = message_by(case, RUN, _verdict(case), worst_of(rows, k, value))
-    return replace(content, action=_saved_first(case, content.action))
+    content = message_by(case, RUN, "", worst_of(rows, k, value))
+    values = None if case.result is None else values_shown(case.result, content)
+    of = "" if values is None or values.as_offsets else "offset"
+    return replace(content, verdict=_verdict(case, of), action=_saved_first(case, content.action))
 
 
-def _verdict(case: RunCase) -> str:
-    """The verdict's word and what can be said of the offsets."""
+def _verdict(case: RunCase, of: str) -> str:
+    """The verdict's word and what can be said of the offsets; `of` as of `offsets_sentence`."""
     if case.sound:
-        return verdict_sentence(_judged(case), case.verdict, case.offsets, case.k, case.name)
+        return verdict_sentence(_judged(case), case.verdict, case.offsets, case.k, case.name, of)
     return f"{_judged(case)}. {_determined(case)}"
 
 
@@ -199,12 +201,18 @@ def _determined(case: RunCase) -> str:
 
 
 def _saved_first(case: RunCase, action: Action) -> Action:
-    """The same, where a command needs a file and the run is in none."""
+    """The same, where a command needs a file and the run is in none: one of which a command left measurements
+    out is saved by that command, one that Python made by Python."""
     if action.command is None or not case.run or not in_no_file(case.run):
         return action
-    by_command = f"--save {case.argument}, or " if LEFT_OUT in case.provenance else ""
-    save = f'Save the run first: {by_command}solution.run.write("{case.argument}").'
-    return Action(f"{action.text} {save}", action.command)
+    if LEFT_OUT not in case.provenance:
+        return Action(
+            f'{action.text} Save the run first: solution.run.write("{case.argument}").', action.command
+        )
+    numbers_left_out = str(case.provenance[LEFT_OUT]).replace(" ", "")
+    whole = run_argument(made_without(case.run))
+    save = f"zerobeam analyse {whole} --drop {numbers_left_out} --save {case.argument}"
+    return Action(f"{action.text} Save the run first; what is printed then has the command.", save)
 
 
 # Of a result that is read
@@ -277,6 +285,11 @@ def offered(result: Result, content: Message) -> Entered | None:
     if result.verdict != "pass" or (nominal and not is_simulated(inputs.provenance)):
         return None
     return result.entered if content.may.export else None
+
+
+def values_shown(result: Result, content: Message) -> Entered | None:
+    """Those that the one table has in place of the offsets: where the controller takes offsets."""
+    return offered(result, content) if taken_by(result.inputs.vendor) == "offsets" else None
 
 
 def next_steps(result: Result, content: Message) -> NextSteps:

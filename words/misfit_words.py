@@ -232,8 +232,8 @@ def mend(explanation: Explanation) -> str:
         case "measurements":
             again = "it" if len(explanation.measurements) == 1 else "them"
             return (
-                f"Analyse without {_called(explanation)} (--drop), correct {again} by the original record and"
-                f" import again, or measure {again} again.{_readings(explanation.readings)}"
+                f"Compare {_called(explanation)} with the original record.{_readings(explanation.readings)}"
+                f" Correct {again} and import again, measure {again} again, or analyse without {again}."
             )
         case "repeats":
             return (
@@ -329,9 +329,12 @@ def _readings(readings: Sequence[Misreading]) -> str:
         return ""
     if len(readings) == 1:
         (one,) = readings
-        return f" If one value is wrong, it is that of J{one.joint} ({_instead(one)})."
+        return f" If one joint value is wrong, it is most likely that of J{one.joint} ({_instead(one)})."
     each = [f"J{one.joint} ({_instead(one)})" for one in readings]
-    return f" If one value is wrong, it is that of one of these joints: {listed(each, last='or')}."
+    return (
+        f" If one joint value is wrong, it may be that of {listed(each, last='or')}: the measurements do not"
+        " decide which."
+    )
 
 
 def _instead(one: Misreading) -> str:

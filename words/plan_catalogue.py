@@ -37,6 +37,7 @@ from .entries import (
     open_directions,
     rows_of,
     some,
+    why_each,
     why_open,
     worst_of,
 )
@@ -146,6 +147,10 @@ def _why_open_in(one: Open, check: Check) -> str:
     return f"{person(one.row.name)}: {why_open(one, person)}"
 
 
+def _why_each_in(one: Open, check: Check) -> str:
+    return why_each(one, person, named=True)
+
+
 def _change_plan(one: Open, check: Check) -> str:
     better = _better_postures(one, check)
     return capital(direction_remedy(one.direction, person) if better is None else better.text)
@@ -210,7 +215,7 @@ PLAN: tuple[FindingEntry[Check], ...] = (
     FindingEntry(
         "an unidentifiable offset",
         "doubt",
-        _why_open_in,
+        _why_each_in,
         _change_plan,
         _plan_changed,
         place="cause",

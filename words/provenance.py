@@ -93,6 +93,19 @@ SIMULATED = "simulated"  # of the provenance key `origin`
 _TRUE = re.compile(r"true (\S+) \((?:deg|mm|1)\)")
 
 
+def rig_words(provenance: Mapping[str, object]) -> list[str] | None:
+    """The options of `run` that say again what carried a run out, but for a simulated cell's file; None where
+    the run does not say how its controller is reached."""
+    match provenance.get("origin"):
+        case "by hand":
+            return ["--rig=manual"]
+        case "simulated":
+            camera = ["--no-camera"] if provenance.get("camera") is False else []
+            return [*camera, f"--seed={provenance.get('seed', 0)}"]
+        case _:
+            return None
+
+
 def is_simulated(provenance: Mapping[str, object]) -> bool:
     """Whether no robot was measured."""
     return provenance.get("origin") == SIMULATED

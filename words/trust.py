@@ -25,11 +25,15 @@ _HELD_BY: dict[HeldBy, str] = {
 
 
 def offsets_sentence(
-    rows: Sequence[_Offset], k: float, name: Namer = person, after: Status | None = None
+    rows: Sequence[_Offset],
+    k: float,
+    name: Namer = person,
+    after: Status | None = None,
+    of: str = "",
 ) -> str:
     """Which offsets are determined, in one short sentence, the gravest first: `J2 to J5 are identified,
     U ≤ 0.17° (k = 2); J6 assumed.` Their table says why. The status `after` which it follows is not said
-    again."""
+    again. `of` names what U is of, where the table has that of another quantity."""
     by_status = {status: [row for row in rows if row.status == status] for status in _ORDER}
     parts: list[str] = []
     for status, of_status in by_status.items():
@@ -39,9 +43,9 @@ def offsets_sentence(
         verb = "" if parts else f" {be(of_status)}"
         text = subject if status == after else f"{subject}{verb} {status_words(status)}"
         if status == "identified" and not by_status["weak"] and not by_status["unidentifiable"]:
-            text += f", {_at_most(of_status, k)} ({numbers.coverage(k)})"
+            text += f", {_at_most(of_status, k, of)} ({numbers.coverage(k)})"
         if status == "weak" and not by_status["unidentifiable"]:
-            text += f", {_at_most(of_status, k)}"
+            text += f", {_at_most(of_status, k, of)}"
         parts.append(text)
     return f"{'; '.join(parts)}." if parts else NONE_ESTIMATED
 
@@ -60,19 +64,22 @@ class _Offset(Protocol):
 _ORDER: tuple[Status, ...] = ("unidentifiable", "weak", "identified", "assumed")
 
 
-def verdict_sentence(word: str, verdict: str, rows: Sequence[_Offset], k: float, name: Namer = person) -> str:
+def verdict_sentence(
+    word: str, verdict: str, rows: Sequence[_Offset], k: float, name: Namer = person, of: str = ""
+) -> str:
     """The `word` of a verdict and the offsets; a word that is theirs too is said once."""
     if verdict == "weak" and any(row.status == "weak" for row in rows):
-        return f"{word}: {offsets_sentence(rows, k, name, after='weak')}"
-    return f"{word}. {offsets_sentence(rows, k, name)}"
+        return f"{word}: {offsets_sentence(rows, k, name, 'weak', of)}"
+    return f"{word}. {offsets_sentence(rows, k, name, of=of)}"
 
 
-def _at_most(rows: Sequence[_Offset], k: float) -> str:
+def _at_most(rows: Sequence[_Offset], k: float, of: str) -> str:
     """The largest expanded uncertainty of offsets, by unit."""
     largest: dict[str, float] = {}
     for row in rows:
         largest[row.unit] = max(largest.get(row.unit, 0.0), k * (row.std or 0.0))
-    return f"U ≤ {' and '.join(numbers.spread(u, numbers.unit_of(unit)) for unit, u in largest.items())}"
+    values = " and ".join(numbers.spread(u, numbers.unit_of(unit)) for unit, u in largest.items())
+    return f"{of} U ≤ {values}".lstrip()
 
 
 class _Row(_Offset, Protocol):

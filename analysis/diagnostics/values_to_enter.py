@@ -125,6 +125,11 @@ class Entered:
     ] = field(default_factory=dict)
 
     @property
+    def as_offsets(self) -> bool:
+        """Whether they are the offsets themselves, so that one U is of both."""
+        return self.tcp_best is None
+
+    @property
     def doubtful(self) -> bool:
         """Whether entering them may well make the robot less accurate than it is."""
         return self.worse is not None and self.worse > MOST_WORSE

@@ -32,7 +32,7 @@ WrongModel = Literal[
     "tool", "beam", "arm", "jump", "drift", "moved", "reading", "typing", "backlash", "noise"
 ]
 
-NOTICED = 0.8  # power from which on a wrong model counts as noticed
+NOTICED = 0.95  # power from which on a wrong model counts as noticed: a pass cannot hide it
 HARMLESS = 1.0  # error of an offset, in its u, below which a wrong model need not be noticed
 LIMIT_U = 4.0  # error of an offset, in its standard uncertainty, that a pass must not have
 MOST_RISK = 0.01  # probability of that with which a pass needs no condition
@@ -58,7 +58,6 @@ _LARGEST: dict[WrongModel, float] = {
 }
 _MOST_OFF = 14.0  # error of an offset, in u, up to which it is
 _LOOKS = np.linspace(0.0, 1.0, 55)[1:]
-_HIDES = 0.95  # probability with which what a pass cannot hide is noticed
 _HALVINGS = 12  # of the size that is noticed just often enough
 _TCP_POSTURES = 64
 
@@ -458,11 +457,11 @@ def harm(power: DetectionPower) -> float:
 def _hidden(power: _PowerBy, most: float) -> float:
     """How many times the row's size, up to `most`, is just not noticed."""
     low, high = 0.0, most
-    if power(np.array([high]))[0] < _HIDES:
+    if power(np.array([high]))[0] < NOTICED:
         return high
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if power(np.array([middle]))[0] >= _HIDES else (middle, high)
+        low, high = (low, middle) if power(np.array([middle]))[0] >= NOTICED else (middle, high)
     return low
 
 

@@ -28,6 +28,7 @@ LEAST_J5 = 0.5  # deg: nearer to zero, joints 4 and 6 are not determined by a po
 _FLANGE_OF_IRB1600 = 65.0  # mm
 _CLEAR = 2.0  # the nearest joints are taken if the next are so many times as far
 _SAME_TURN = 1e-6  # deg
+_MOST_FOUND = 2  # configurations that are named
 
 
 def up_to_flange(robot: Robot, nominal: Robot) -> Robot:
@@ -150,6 +151,11 @@ class ArmChange:
         nearest to joints that are stated."""
         rows = self._solutions(flange, configuration, near)
         if not len(rows):
+            if alternatives := self._in_other_configurations(flange, configuration):
+                raise NotConvertible(
+                    f"joints reach it, but none with the stated configuration ({', '.join(configuration)}):"
+                    f" found are {alternatives}"
+                )
             what = f" with the stated configuration ({', '.join(configuration)})" if configuration else ""
             raise NotConvertible(
                 f"no joints within the limits reach it{what}: is it of this arm, tool, frame?"
@@ -169,6 +175,22 @@ class ArmChange:
         if others and min(others) < _CLEAR * distance.min():
             raise NotConvertible("two sets of joints are about as near to those that are stated (--near)")
         return np.asarray(nearest)
+
+    def _in_other_configurations(self, flange: Matrix, configuration: Sequence[str]) -> str:
+        """Those by which the arm has its flange there, with joints of each; empty where nothing is known of
+        them."""
+        if self.branches is None or not configuration:
+            return ""
+        joints_by_words: dict[str, str] = {}
+        for row in sorted(self._solutions(flange, (), None), key=lambda row: float(np.abs(row).max())):
+            try:
+                words = self.language.configuration(configuration, self.branches.of(row), row)
+            except NotConvertible:  # its words are not written
+                return ""
+            joints_by_words.setdefault(", ".join(words), ", ".join(f"{value:.1f}" for value in row))
+        shown = [f"{words} (joints {joints})" for words, joints in joints_by_words.items()][:_MOST_FOUND]
+        more = len(joints_by_words) - len(shown)
+        return "; ".join(shown) + (f"; {more} more" if more > 0 else "")
 
     def _solutions(self, flange: Matrix, configuration: Sequence[str], near: Matrix | None) -> Matrix:
         """Those from many starts, and that from the joints nearby, which many starts may miss."""

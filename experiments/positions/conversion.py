@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Final, Literal
 
@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from ...model.arrays import Matrix
 from ...model.kinematics.inverse import reach
 from ...model.records import internal, it, key, record
+from ...words.wording import listed
 from .arm_change import ArmChange, MovedPosition, PositionFrames
 from .position import (
     AT_RUN_TIME,
@@ -29,6 +30,7 @@ POSITIONS_SCHEMA: Final = "zerobeam/positions/1"
 _STEP = 100.0  # mm
 _STRETCH, _LEAP = 2.0, 60.0  # mm of a relative move in which no joint turns by so many degrees (mm)
 _EXACT_MM, _EXACT_RAD = 1e-5, 1e-7  # of inverse kinematics
+_MOST_NAMED = 8  # tools and frames
 _UNITS = 3.0  # of the last digit: what reading back and inverting may be off, beside a near singularity
 
 
@@ -130,7 +132,8 @@ class EnteredJoint:
 
 @record(kw_only=True)
 class Conversion:
-    """What is in a backup, and what became of it. `content` has the new files."""
+    """What is in a backup, and what became of it. `content` has the new files; `single`: it is one file of a
+    backup."""
 
     schema: Annotated[Literal["zerobeam/positions/1"], it("kind and version of the document")] = (
         POSITIONS_SCHEMA
@@ -150,6 +153,7 @@ class Conversion:
     notes: Annotated[tuple[str, ...], it("sentences to be read with it")] = ()
     files: Annotated[tuple[ConvertedFile, ...], it("those that were converted")] = ()
     content: Annotated[Mapping[str, bytes], internal] = field(default_factory=dict)
+    single: Annotated[bool, internal] = False
 
     @property
     @key("whether files were converted")
@@ -247,7 +251,46 @@ def shown_backup(backup: Backup) -> Conversion:
         listed=tuple(_listed(one, frozenset(), None) for one in _in_order(backup.reading.doubtful)),
         refused=tuple(sorted(dict.fromkeys(refused), key=lambda one: (one.file, one.line))),
         to_state=tuple(frames.to_state),
+        notes=tuple(_where_frames_are(backup, frames)),
+        single=backup.single,
     )
+
+
+def _where_frames_are(backup: Backup, frames: _Frames) -> Iterator[str]:
+    """What has the tools and frames that a file alone leaves open."""
+    if backup.single and frames.to_state and backup.language.frames_in:
+        yield (
+            f"{backup.language.frames_in} of the backup may have what is to be stated: name the folder or zip"
+            " of the whole backup, or a file beside it."
+        )
+
+
+def _to_measure_again(backup: Backup, frames: _Frames) -> Iterator[str]:
+    """Which tools and frames the arm may have measured by its old zeros, and what that does."""
+    defined = {
+        key: one.pose is not None and not np.allclose(one.pose, np.eye(4), atol=_EXACT_MM)
+        for key, one in backup.reading.frames.items()
+    }
+    used = {key: row.new_numbers is None for key, row in frames.rows.items() if key[1] in ("", row.name)}
+    by_option = {key for key in used if frames.rows[key].place.startswith("--")}
+    again = [
+        key
+        for key in (*defined, *by_option)
+        if (defined.get(key) or key in by_option) and used.get(key, True)
+    ]
+    if again:
+        named = [f"{what} {name}".rstrip() for what, name in sorted(dict.fromkeys(again), key=_tools_first)]
+        yield (
+            f"Measure again what this arm measured with the old zeros, of {listed(named, _MOST_NAMED)}:"
+            " converted positions are right with them as they are, what is taught or calculated from now on"
+            " is not. State one that was measured again by --new-tool or --new-frame: positions are then"
+            " written for it. Workspaces and interference zones are not read: check them too."
+        )
+
+
+def _tools_first(key: tuple[What, str]) -> tuple[bool, int, str]:
+    what, name = key
+    return what != "tool", len(name), name
 
 
 def converted_backup(
@@ -283,8 +326,13 @@ def converted_backup(
         _listed(one, accepted, _shift(one, reading, moved, arm)) for one in _in_order(reading.doubtful)
     )
     rows = [_row(one, moved.get(number)) for number, one in enumerate(reading.positions)]
+    notes = [*about.notes, *_where_frames_are(backup, frames)]
+    if not arm.poses_only:
+        notes += _to_measure_again(backup, frames)
     answer = replace(
         about,
+        notes=tuple(notes),
+        single=backup.single,
         frames=tuple(frames.rows[key] for key in sorted(frames.rows)),
         positions=tuple(rows),
         listed=listed,

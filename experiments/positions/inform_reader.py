@@ -1,4 +1,4 @@
-"""Positions of INFORM jobs (Yaskawa), with user frames of UFRAME.CND."""
+"""Positions of INFORM jobs (Yaskawa), with tools of TOOL.CND and user frames of UFRAME.CND."""
 
 from __future__ import annotations
 
@@ -23,19 +23,32 @@ _STORES = re.compile(
 )
 _RUN_TIME = re.compile(r"\s*(?:MFRAME|SETTOOL|CHANGE[ \t]+TOOL)\b", _I)
 _FRAME = re.compile(r"^//UFRAME[ \t]+(\d+)\b(.*?)(?=^//UFRAME\b|\Z)", _I | _M | re.DOTALL)
+_TOOL = re.compile(r"^//TOOL[ \t]+(\d+)[ \t]*\r?$(.*?)(?=^//TOOL\b|\Z)", _I | _M | re.DOTALL)
+_POSE = re.compile(rf"{NUMBER}(?:[ \t]*,[ \t]*{NUMBER}){{5}}")
 _BUSER = re.compile(rf"^/{{3,4}}BUSER[ \t]+({NUMBER}(?:[ \t]*,[ \t]*{NUMBER}){{5}})[ \t]*\r?$", _I | _M)
 
 
 def read_inform(reading: BackupReading) -> None:
-    """User frames and jobs of a backup."""
+    """Tools, user frames and jobs of a backup.
+
+    TOOL.CND as controllers write it (public backups of three cells on GitHub: SinaiAranda/motoman_sda20d_sys,
+    lukelalondePZ/Komatsu-Press-Demo, lukelalondePZ/Fiberdome-GP88-Spindle-Cell): of each `//TOOL n` the lines
+    of `///` (CRC, NAME), then X, Y, Z, Rx, Ry, Rz, and below that mass data.
+    """
     for file in reading.files:
         if file.suffix != ".cnd":
             InformJob(file, reading).run()
             continue
+        conditions = FileReading(file, reading)
         for frame in _FRAME.finditer(file.text):
             numbers = _BUSER.search(frame[2])
             pose = None if numbers is None else pose_of(from_rpy, values_in(numbers[1]))
-            FileReading(file, reading).frame(frame.start(), "frame", str(int(frame[1])), pose)
+            conditions.frame(frame.start(), "frame", str(int(frame[1])), pose)
+        for tool in _TOOL.finditer(file.text):
+            rows = (row.strip() for row in tool[2].splitlines())
+            first = next((row for row in rows if row and not row.startswith("/")), "")
+            pose = pose_of(from_rpy, values_in(first)) if _POSE.fullmatch(first) else None
+            conditions.frame(tool.start(), "tool", str(int(tool[1])), pose)
 
 
 class InformJob(FileReading):

@@ -25,6 +25,15 @@ _MOVE = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC|SPL|ASYPTP)(_REL)?\b\s*(?P<goals>.*)
 _END = re.compile(r"\s+(?:C_PTP|C_DIS|C_VEL|C_ORI|C_SPL|WITH)\b.*", _I)
 _SET = re.compile(r"\s*(?:\$(TOOL|BASE)(?:\.\w+)?\s*=|BAS\s*\(\s*#(TOOL|BASE)\s*,)\s*(.*?)\s*\)?\s*", _I)
 _JUMP = re.compile(r"\s*(?:(?:IF|ELSE|SWITCH|CASE|LOOP|WHILE|REPEAT|FOR|GOTO|RESUME)\b|\w+:\s*$)", _I)
+# Assignments without calls, parameters of motions, motions: what follows one of them is the next line.
+_STRAIGHT = re.compile(
+    r"\s*(?:(?!FDAT_ACT\s*\.)[$A-Z_]\w*(?:\[[^\]]*\])?(?:\s*\.\s*\w+)*\s*=(?!=)[^(]*"
+    r"|BAS\s*\(\s*#(?:TOOL|BASE|FRAMES|(?:PTP|CP)_(?:PARAMS|DAT)|(?:VEL|ACC)_(?:PTP|CP))\b[^()]*\)"
+    r"|S?(?:PTP|LIN|CIRC)\b[^(]*)\s*",
+    _I,
+)
+# What may be carried out between any two lines, but for the handler of KUKA's own template.
+_BETWEEN = re.compile(r"\bDO[ \t]+(?!IR_STOPM\b)\w+[ \t]*\(", _I)
 _ASSIGNED = re.compile(r"\s*([A-Z_]\w*(?:\[[^\]]*\])?)((?:\s*\.\s*\w+)*)\s*=(?!=)\s*(.*?)\s*", _I)
 _ADDED = re.compile(rf"(\w+)\.([XYZ])\s*([-+])\s*({NUMBER})", _I)
 _NAME = re.compile(r"[A-Z_]\w*(?:\[[^\[\]]*\])?", _I)
@@ -40,6 +49,7 @@ def read_krl(reading: BackupReading) -> None:
     for file in files:
         KrlData(file, reading).read()
     stored = sorted({one.name for one in reading.positions})
+    between = any(_BETWEEN.search(file.bare) for file in files)
     for file in (file for file in files if file.suffix != ".dat"):
         names = PositionNames(_NAME, scope=_scope(file).lower())
         for key in sorted(stored, key=lambda key: not key.startswith(f"{names.scope}:")):
@@ -51,6 +61,8 @@ def read_krl(reading: BackupReading) -> None:
         for begin, end in pieces(_ROUTINE, file.bare):
             routine = KrlRoutine(file, reading, names)
             routine.frames = {fdat[1].lower(): (fdat[2], fdat[3]) for fdat in data}
+            if not between:
+                routine.straight = _STRAIGHT
             routine.prepare(lines_in(file.bare, begin.start(), end, r"[^\n]+"))
             routine.run()
 
@@ -135,7 +147,8 @@ class KrlRoutine(LineProgram):
     def _assigned(self, pos: int, assigned: re.Match[str]) -> None:
         name = self.names.plain(assigned[1])
         stored = name in self.names.keys or self.names.elements(assigned[1])
-        if re.match(r"(?:TOOL|BASE)_(?:DATA|TYPE)\b", assigned[1], _I) or name in self.frames:
+        of_motion = name == "fdat_act" and assigned[2]
+        if re.match(r"(?:TOOL|BASE)_(?:DATA|TYPE)\b", assigned[1], _I) or name in self.frames or of_motion:
             return self.refuse(pos, f"{assigned[1]} is set when the program runs")
         if stored or (not assigned[2] and self.names.stored_in(assigned[3])):
             self.names.changed(self, pos, assigned[1])

@@ -7,7 +7,7 @@ A file is text of which each letter is one byte (Latin-1), so that places are by
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -379,11 +379,14 @@ class FileReading:
 
 class Active:
     """Which tool and frame are set where, of one routine, by the order of its lines. Where a routine sets
-    several and has jumps, branches or loops, none is known: that would take an analysis of its flow."""
+    several and has jumps, branches or loops, one is known only where the lines from that which sets it to the
+    motion are carried out one after another, whatever came before (`edges` are places of all other lines):
+    more would take an analysis of its flow."""
 
     def __init__(self) -> None:
         self._sets: dict[What, list[tuple[int, str]]] = {"tool": [], "frame": []}
         self.jumps = False
+        self.edges: list[int] = []
 
     def set(self, what: What, pos: int, name: str | None) -> None:
         """None: by what is only known when the program runs."""
@@ -391,11 +394,13 @@ class Active:
 
     def at(self, what: What, pos: int) -> str | None:
         """The name at a place; None where the routine has set none before."""
-        before = [name for at, name in self._sets[what] if at < pos]
-        several = len({name for _, name in self._sets[what]}) > 1
+        before = [(at, name) for at, name in self._sets[what] if at < pos]
+        doubtful = len({name for _, name in self._sets[what]}) > 1 and self.jumps
         if not before:
-            return AT_RUN_TIME if several and self.jumps else None
-        return AT_RUN_TIME if several and self.jumps else before[-1]
+            return AT_RUN_TIME if doubtful else None
+        last, name = before[-1]
+        straight = bisect_left(self.edges, last) == bisect_left(self.edges, pos)
+        return name if straight or not doubtful else AT_RUN_TIME
 
 
 def what_of(word: str) -> What:
@@ -446,8 +451,8 @@ class PositionLanguage(JointLanguage):
     too).
     `up` and `by_joint2` are as of `Branches`. `null` are names of the tool and frame that are none; `form`
     shows what a pose is in options. `padded`: a number stands in the room of the old one, blanks before it
-    included. `unpublished`: which joints its words for a configuration stand for is not. `mark` tells that a
-    text is of the language.
+    included. `unpublished`: which joints its words for a configuration stand for is not. `frames_in` names
+    the files of a backup that have its tools and frames. `mark` tells that a text is of the language.
     """
 
     pose: Callable[[Sequence[float]], Matrix]
@@ -461,6 +466,7 @@ class PositionLanguage(JointLanguage):
     by_joint2: bool = False
     padded: bool = False
     unpublished: bool = False
+    frames_in: str = ""
     case_sensitive: bool = False
     mark: str = "(?!)"
 

@@ -54,7 +54,11 @@ def _is_kuka(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
 
 
 def _kuka(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
-    return [texts[0], *(str(int(each) & ~63 | kuka_turn(joints)) for each in texts[1:])]
+    status = int(texts[0]) & ~7 | kuka_status(branch)
+    return [
+        texts[0] if status == int(texts[0]) else str(status),
+        *(str(int(each) & ~63 | kuka_turn(joints)) for each in texts[1:]),
+    ]
 
 
 def _is_fanuc(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
@@ -63,7 +67,9 @@ def _is_fanuc(texts: Sequence[str], branch: Branch, joints: Matrix) -> bool:
 
 
 def _fanuc(texts: Sequence[str], branch: Branch, joints: Matrix) -> Sequence[str]:
-    return [texts[0], ", ".join(map(str, fanuc_configuration(branch, joints)[1]))]
+    letters, turns = fanuc_configuration(branch, joints)
+    same = re.findall(r"[A-Z]", texts[0]) == letters.split()
+    return [texts[0] if same else letters, ", ".join(map(str, turns))]
 
 
 _SLACK = 1e-3  # deg by which a joint may be beyond a border that is stated for it
@@ -109,6 +115,7 @@ KRL = PositionLanguage(
     up=-1,
     mark=r"^\s*(?:GLOBAL\s+)?DEF(?:DAT|FCT)?\s+\S",
     beside=r"\$(?:config|machine)\.dat",
+    frames_in="$config.dat",
 )
 FANUC = PositionLanguage(
     "TP",
@@ -124,6 +131,7 @@ FANUC = PositionLanguage(
     padded=True,
     mark=r"^/PROG\b|\$POSREG\b|\$MNU(?:FRAME|TOOL)\b",
     beside=r"sysframe\.va|.*\.ls",
+    frames_in="SYSFRAME.VA",
 )
 
 
@@ -159,7 +167,8 @@ INFORM = PositionLanguage(
     null=frozenset({"base"}),
     unit="pulse",
     mark=r"^/JOB\b",
-    beside=r"uframe\.cnd",
+    beside=r"(?:uframe|tool)\.cnd",
+    frames_in="TOOL.CND and UFRAME.CND",
 )
 SPEL = PositionLanguage(
     "SPEL+",

@@ -36,6 +36,11 @@ class Backup:
     reading: BackupReading
     chosen: tuple[str, ...]
 
+    @property
+    def single(self) -> bool:
+        """Whether one file was named, and not the folder or archive of a backup."""
+        return self.path.is_file() and self.path.suffix.lower() != ".zip"
+
 
 def read_backup(path: Path, vendor: str | None = None) -> Backup:
     """The backup at `path`; `vendor` is that of the arm, where the ending of a file is of several languages.

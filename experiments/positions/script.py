@@ -13,11 +13,12 @@ from .statement_text import Lines, arguments_of, is_computed, numbers_in, parts_
 
 class LineProgram(FileReading):
     """A program, or a section of a file, whose lines are statements. First `look` takes what they set, and
-    `jump` is how one begins that branches; then `statement` takes the positions of each. `literal` (with the
+    `jump` is how one begins that branches, `straight` is all of one that is followed by the next, and that
+    nothing but the one before leads to; then `statement` takes the positions of each. `literal` (with the
     group `numbers`) is that of a position, `begin` how one begins that says what it is, `shifts` are those of
     a goal with an offset (groups `goal`, `by` and `sign`) in these axes."""
 
-    jump = re.compile(r"(?!)")
+    jump = straight = re.compile(r"(?!)")
     literal = begin = re.compile(r"(?!)")
     shifts: Sequence[tuple[re.Pattern[str], What | None]] = ()
 
@@ -39,6 +40,8 @@ class LineProgram(FileReading):
         self.lines = lines
         for number, (pos, text) in enumerate(lines):
             self.active.jumps |= (number > 0 or text[:4] != "def ") and self.jump.match(text) is not None
+            if text.strip() and self.straight.fullmatch(text) is None:
+                self.active.edges.append(pos)
             self.look(pos, text)
 
     def run(self) -> None:

@@ -408,6 +408,12 @@ def in_no_file(name: str) -> bool:
     return not Path(name).suffix or Path(name).stem.endswith(REFIT)
 
 
+def made_without(name: str) -> str:
+    """The name of the run that one in memory was made of."""
+    path = Path(name)
+    return path.with_name(f"{path.stem.removesuffix(REFIT)}{path.suffix}").as_posix()
+
+
 def is_run_name(name: str) -> bool:
     """Whether the name is one of a run file, and not of a target."""
     return Path(name).suffix.casefold() == ".jsonl"

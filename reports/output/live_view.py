@@ -227,11 +227,13 @@ def led_view(console: Console) -> Listener:
     """Takes the events of a run by hand and prints them, line by line."""
     before: Mapping[str, float | None] = {}
     joints = "type the joint values"
+    agreed, since = True, -1  # whether all measurements before the next agree, else since which they do not
 
     def hear(event: RunEvent) -> None:
-        nonlocal before, joints
+        nonlocal before, joints, agreed, since
         match event:
             case RunOpened():
+                agreed = not event.recorded  # of those of another session nobody knows it here
                 if event.rig == "live":
                     joints = "press Enter when the arm is at rest"
                 _say(console, _beginning(event))
@@ -253,10 +255,14 @@ def led_view(console: Console) -> Listener:
                 _say(console, _falls(before, event.std))
                 before = event.std
                 if not event.consistent:
-                    _say(console, "! The measurements contradict the model or each other.", "yellow")
+                    _say(console, _contradiction(event.shot if agreed else None), "yellow")
+                if agreed and not event.consistent:
+                    since = event.shot
+                agreed = event.consistent
             case Suspected():
                 _say(console, _suspected(event), "yellow")
             case Withdrawn():
+                agreed = agreed or event.shot == since
                 _say(console, f"Measurement {event.shot} is removed, to be repeated.")
             case GivenUp():
                 _say(console, f"Measurement {event.shot} is skipped ({shown(event.found)}).")
@@ -327,6 +333,14 @@ def _falls(before: Mapping[str, float | None], after: Mapping[str, float | None]
         parts.append(f"{label(name)} {f'{numbers.spread(was)} → ' if was is not None else ''}{now}")
     known = "" if all(value is not None for value in after.values()) else " (?: not identifiable yet)"
     return f"  u, ° or mm: {', '.join(parts)}{known}"
+
+
+def _contradiction(last: int | None) -> str:
+    """`last` is the measurement before which all agreed, None where they did not."""
+    text = "! The measurements contradict the model or each other."
+    return (
+        text if last is None else f"{text} They agreed before measurement {last}: 'redo {last}' repeats it."
+    )
 
 
 def _suspected(event: Suspected) -> str:

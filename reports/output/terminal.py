@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import zip_longest
+from pathlib import Path
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
@@ -59,6 +60,7 @@ _NARROWEST = 16  # letters of a column that has to give way
 _GAP = "  "
 # Between these no command is broken: an option with its value, or what a shell takes as one word.
 _OPTION_OR_WORD = re.compile(r"(?<!\S)--?[a-z][\w-]* (?=[^-\s])(?:'[^']*'|\S)+|'[^']*'")
+_WRITES = re.compile(r"(?<=\s)(-o|--save) ([\w./-]+)(?=\s|$)")  # a file or folder
 _TEXT_WIDTH = 96  # letters of a line of a text without a terminal
 
 
@@ -165,9 +167,26 @@ def _print_note(out: Console, text: str) -> None:
     print_text(out, ended(text), "! ", "bold yellow")
 
 
+def free_name(name: str) -> str:
+    """The same, or with a number where this folder has something of that name: none is overwritten."""
+    path, number = Path(name), 2
+    while path.exists():
+        path = Path(name).with_name(f"{Path(name).stem}-{number}{path.suffix}")
+        number += 1
+    return name if number == 2 else path.as_posix()
+
+
+def _pasteable(command: str) -> str:
+    """A command that can be carried out in this folder: the file that it writes has a free name, but for a
+    recording that it goes on with."""
+    if "--resume" in command.split():
+        return command
+    return _WRITES.sub(lambda each: f"{each[1]} {free_name(each[2])}", command)
+
+
 def _print_commands(out: Console, commands: Sequence[str]) -> None:
     """Commands as they are to be typed."""
-    for line in commands:
+    for line in map(_pasteable, commands):
         width = max(out.width - 3, 20)
         if len(line) > width:
             width -= 5

@@ -108,9 +108,9 @@ def _first(answer: Conversion) -> Iterator[Block]:
                 " as good as what is assumed, or is excluded."
             )
     elif moved:
+        first = "Convert the whole backup, not one file" if answer.single else "Load all files of it"
         yield Paragraph(
-            "Convert the whole backup, or parts will disagree by up to"
-            f" {numbers.significant(max(moved), 2, 'mm')}."
+            f"{first}, or parts will disagree by up to {numbers.significant(max(moved), 2, 'mm')}."
         )
     if answer.entered:
         zeros = ", ".join(f"{one.joint} {one.value:+.4f}" for one in answer.entered)

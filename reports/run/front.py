@@ -17,7 +17,7 @@ from ...words.case import RunCase
 from ...words.controllers import taken_by
 from ...words.enter import ALL_OR_NONE, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT, U_OF_VALUES
 from ...words.geometry_words import OffsetRow
-from ...words.message import offered
+from ...words.message import offered, values_shown
 from ...words.numbers import unit_of
 from ...words.outlook_words import (
     HEADS,
@@ -94,9 +94,9 @@ def _blocks(result: Result, content: Message, remedies: bool) -> Iterator[Block]
         return
     entered, may = offered(result, content), content.may
     offsets = [row for row in result.parameters if row.group == "offset"]
-    head, values = "offset", None
-    if entered is not None and taken_by(result.inputs.vendor) == "offsets":
-        head, values = ("enter" if may.enter else "would enter"), entered
+    head = "offset"
+    if (values := values_shown(result, content)) is not None:
+        head = "enter" if may.enter else "would enter"
     tolerances = tolerances_of(result.inputs.header)
     yield offsets_front(offsets, result.coverage_factor, tolerances, head, values, doubted=not may.export)
     if result.null_motion is not None:
@@ -131,7 +131,7 @@ def offsets_front(
     against the values (`doubted`). `tolerances` are those of `trusted`."""
     columns = ["joint", head, f"± U ({numbers.coverage(k)})", "trusted"]
     caption = ""
-    if entered is not None and entered.tcp_best is not None:
+    if entered is not None and not entered.as_offsets:
         caption = ALL_OR_NONE if head == "enter" else U_OF_VALUES
     rows = [_row(row, k, tolerances, entered, doubted=doubted) for row in offsets]
     return table_of(caption, columns, rows, "lrrl")

@@ -34,7 +34,8 @@ def test_a_row_is_named_as_people_count_it_with_the_command(advised, folder):
     text = text_of(advised)
     assert advised.status == 1
     assert "Without measurement 4 (row 5 of shots.csv) the residuals are" in text
-    assert "Analyse without measurement 4 (row 5 of shots.csv) (--drop)" in text
+    assert "Compare measurement 4 (row 5 of shots.csv) with the original record." in text
+    assert "--drop" not in text.partition("zerobeam analyse")[0]  # the command below says how
     unbroken = "".join(advised.out.replace("\\\n", "").split())
     assert f"zerobeamanalyse{folder.as_posix()}/run.jsonl--drop4" in unbroken
 
@@ -63,6 +64,17 @@ def test_a_run_without_it_is_saved_and_what_is_printed_then_works_where_one_stan
     (command,) = re.findall(r"zerobeam (export rapid \S+ -o \S+)", text_of(answer))
     assert zerobeam(*command.split()).status == 0
     assert os.path.exists("offsets.mod")
+
+
+def test_a_run_without_it_is_saved_by_the_command_that_is_printed(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    answer = zerobeam("analyse", "run.jsonl", "--drop", "4", "--ess", "100")
+    assert "solution.run.write" not in answer.out
+    command = "zerobeam analyse run.jsonl --drop 4 --save run-refit.jsonl"
+    assert command in answer.out
+    saved = zerobeam(*command.split()[1:], "--ess", "100")
+    assert "zerobeam export rapid run-refit.jsonl -o" in saved.out
+    assert "--save run-refit-2.jsonl" in zerobeam("analyse", "run.jsonl", "--drop", "4", "--ess", "100").out
 
 
 def test_a_measurement_that_is_not_there_is_refused(folder):

@@ -9,6 +9,8 @@ import pytest
 from command_line import zerobeam
 from made_backups import DIALECTS, ENTERED, written
 
+from zerobeam.words.controllers import POSITIONS
+
 TP = DIALECTS["TP"]
 ZEROS = ",".join(f"J{i}={value}" for i, value in enumerate(ENTERED, start=1))
 
@@ -19,7 +21,7 @@ def test_keep_writes_all_and_says_where_to_go_first(tmp_path: Path) -> None:
     answer = zerobeam("positions", "keep", folder, "--robot", TP.robot, "--entered", ZEROS, "-o", new)
     assert answer.status == 0
     assert answer.out.startswith("Converted. Approach P")
-    assert "Convert the whole backup, or parts will disagree by up to" in answer.out.replace("\n", " ")
+    assert "Load all files of it, or parts will disagree by up to" in answer.out.replace("\n", " ")
     audit = json.loads((new / "audit.json").read_text())
     assert audit["schema"] == "zerobeam/positions/1"
     assert {each.name for each in new.iterdir()} >= {
@@ -51,6 +53,46 @@ def test_what_is_refused_is_named_by_line_and_nothing_is_written(tmp_path: Path)
     assert "WORK.LS:11" in answer.out
     assert not new.exists()
     assert zerobeam(*typed, "--json").json["refused"][0]["line"] == 11
+
+
+def said(*arguments: object) -> str:
+    return " ".join(zerobeam("positions", *arguments).out.split())
+
+
+def test_tools_and_frames_that_the_old_zeros_measured_are_named(tmp_path: Path) -> None:
+    """All that the backup has but the null tool and frame, less what is stated to be measured again."""
+    inform = DIALECTS["INFORM"]
+    folder = written(inform.made(2), tmp_path / "backup")
+    typed = ("keep", folder, "--robot", inform.robot, "--entered", ZEROS)
+    text = said(*typed, "-o", tmp_path / "1")
+    assert "measured with the old zeros, of tool 1, tool 7, frame 2 and frame 10: converted" in text
+    assert "Workspaces and interference zones are not read" in text
+    again = ("--new-tool", "1=1,2,3,4,5,6", "--new-tool", "7=1,2,3,4,5,6", "--new-frame", "2=1,2,3,4,5,6")
+    audit = zerobeam("positions", *typed, "-o", tmp_path / "2", *again, "--json").json
+    written_anew = {(one["what"], one["name"]) for one in audit["frames"] if one["new_numbers"] is not None}
+    (note,) = [note for note in audit["notes"] if "old zeros" in note]
+    for what, name in (("tool", "1"), ("tool", "7"), ("frame", "2")):
+        assert (f"{what} {name}" in note) == ((what, name) not in written_anew)
+    assert written_anew
+
+
+def test_one_file_is_told_of_the_folder_that_has_its_tools(tmp_path: Path) -> None:
+    krl = DIALECTS["KRL"]
+    folder = written(krl.made(2), tmp_path / "backup")
+    (program,) = [path for path in folder.rglob("*.src") if path.with_suffix(".dat").exists()][:1]
+    (tmp_path / "alone").mkdir()
+    for path in (program, program.with_suffix(".dat")):
+        (tmp_path / "alone" / path.name).write_bytes(path.read_bytes())
+    text = said("show", tmp_path / "alone" / program.name)
+    assert "$config.dat of the backup may have what is to be stated: name the folder or zip" in text
+    assert "$config.dat of the backup" not in said("show", folder)
+
+
+def test_all_endings_are_in_the_help() -> None:
+    text = zerobeam("positions", "show", "--help").out
+    for endings in POSITIONS.values():
+        for ending in endings.split(", "):
+            assert ending in text
 
 
 @pytest.mark.parametrize("language", DIALECTS)

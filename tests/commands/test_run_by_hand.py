@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -146,9 +147,50 @@ def test_a_posture_that_is_missing_in_a_pipe_stops_no_other(
     assert answer.status == 1
     assert "Not complete: measurement 1 of the plan is missing" in answer.out
     assert "not recorded: 1" in answer.out
-    assert "--resume" in answer.out
-    assert led(plan, monkeypatch, TYPED[1], asked=("--resume",)).status == 0
+    monkeypatch.setattr("sys.stdin", io.StringIO(f"{TYPED[1]}\n"))
+    assert zerobeam(*to_go_on(answer)).status == 0
     assert set(joints_of(plan)) == set(WHOLE)
+
+
+def to_go_on(answer: Answer) -> list[str]:
+    """The words of the command that is printed to go on."""
+    command = answer.err.partition("To go on:\n")[2].partition("stopped")[0]
+    return shlex.split(command.replace("\\\n", " "))[1:]
+
+
+def test_ctrl_c_says_what_is_missing_and_what_to_type(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted(io.StringIO):
+        def readline(self, *size: int) -> str:  # type: ignore[override]
+            line = super().readline(*size)
+            if not line:
+                raise KeyboardInterrupt
+            return line
+
+    monkeypatch.setattr("sys.stdin", Interrupted(f"{TYPED[0]}\n{TYPED[1]}\n"))
+    run = plan.parent / "my run.jsonl"
+    answer = zerobeam("run", plan, "--rig", "manual", "--units", "deg", "-o", run)
+    assert answer.status == 130
+    assert "measurements 2, 3 and 4 of the plan are missing." in answer.err
+    words = to_go_on(answer)
+    assert words[-1] == "--resume"
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in TYPED[2:])))
+    assert zerobeam(*words).status == 0
+    assert len(read_run(run).shots) == 5
+
+
+def test_a_measurement_after_which_nothing_agrees_is_offered_again(
+    plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Too few measurements to say which one is wrong: the last is offered, since all before it agreed."""
+    wrong = [*POSTURES[4][:4], POSTURES[4][4] + 3, POSTURES[4][5]]
+    answer = led(plan, monkeypatch, *TYPED[:4], " ".join(map(str, wrong)))
+    text = " ".join(answer.err.split())
+    assert "Measurement 3 is recorded" in text
+    assert text.count("They agreed before measurement 4: 'redo 4' repeats it.") == 1, text
+    plan.with_name("run.jsonl").unlink()
+    answer = led(plan, monkeypatch, *TYPED)
+    assert "redo" not in answer.err.partition("Measurement 0")[2]
+    assert answer.status == 0
 
 
 def test_what_is_not_recorded_is_in_the_last_event(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -579,7 +579,7 @@ class Fanuc(Dialect):
 
 
 class Inform(Dialect):
-    """Jobs of a GP7 with UFRAME.CND; tools are stated."""
+    """Jobs of a GP7 with TOOL.CND and UFRAME.CND."""
 
     name, main = "INFORM", "JOBS/WORK.JBI"
     joint_digit, turn_digit = yaskawa_controller.STEP_DEG, 1e-3  # half a pulse; four decimals
@@ -616,9 +616,6 @@ class Inform(Dialect):
     def matrix(self, numbers: Sequence[float]) -> Matrix:
         return _of_angles(numbers, "xyz")
 
-    def options(self, backup: MadeBackup) -> dict[str, object]:
-        return {"tools": [f"{n}={','.join(map(repr, _angles(t, 'xyz')))}" for n, t in backup.tools.items()]}
-
     def texts(self, backup: MadeBackup, rng: np.random.Generator) -> dict[str, str]:
         frames = []
         for n, pose in backup.frames.items():
@@ -626,6 +623,13 @@ class Inform(Dialect):
                 values = [f"{value:.4f}" for value in _angles(pose, "xyz")]
                 frames += [f"//UFRAME {n}", "///NAME X", "///TOOL 0", "///GROUP 1,0,0", "///PULSE"]
                 frames += ["////RORG C000=1,2,3,4,5,6", f"////BUSER {','.join(values)}"]
+        tools = []
+        for n, pose in backup.tools.items():
+            *place, rx, ry, rz = _angles(pose, "xyz")
+            angles = [f"{value:.4f}" for value in (rx, ry, rz)]
+            numbers = ",".join([*(f"{value:.3f}" for value in place), *angles])
+            tools += [f"//TOOL {n}", *(["///CRC 1"] if n == "1" else []), f"///NAME T {n}", numbers]
+            tools += ["1.000,2.000,3.000", "4.000", "0.100,0.200,0.300", "0.000,0,1"]
         rows, body = [], []
         for number, one in enumerate(backup.positions):
             pulses = one.in_joints
@@ -647,7 +651,8 @@ class Inform(Dialect):
         inst = ["//INST", "///DATE 2026/01/01 00:00", "///ATTR SC,RW,RJ", "////FRAME BASE"]
         inst += ["///GROUP1 RB1", "NOP"]
         lines = [*head, *rows, *inst, "'MOVJ C00099", *body, 'MSG "MOVJ P001"', "END", ""]
-        return {"UFRAME.CND": "\r\n".join([*frames, ""]), "JOBS/WORK.JBI": "\r\n".join(lines)}
+        data = {"UFRAME.CND": frames, "TOOL.CND": tools, "JOBS/WORK.JBI": lines[:-1]}
+        return {name: "\r\n".join([*of_file, ""]) for name, of_file in data.items()}
 
     def step(
         self, one: MadePosition, backup: MadeBackup, by: Matrix, rng: np.random.Generator

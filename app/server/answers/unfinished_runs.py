@@ -16,7 +16,7 @@ from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
 from ....model.records import it, record
 from ....words.message import headline_so_far
-from ....words.provenance import SIMULATED
+from ....words.provenance import rig_words
 from ....words.wording import person
 from ..folder import Folder
 from ..index import Head, Index
@@ -27,7 +27,6 @@ _MOST = 20  # of its measurements after each of which u is said
 _MOST_RUNS = 5  # that are offered to be resumed
 _LARGEST = 2 * 10**6  # bytes of a run file that is read while somebody waits
 PLAN_HASH = "plan sha256"  # in the provenance of a run that was carried out
-_BY_HAND = "by hand"
 _ABB = "abb"
 
 
@@ -179,10 +178,8 @@ def _resume(
     if own_command is not None:
         return [*own_command[:-1], plan], None
     words = ["run", "--resume", f"--out={name}"]
-    origin = provenance.get("origin")
-    if origin == _BY_HAND:
-        return [*words, "--rig=manual", plan], None
-    if origin != SIMULATED:
+    rig = rig_words(provenance)
+    if rig is None:
         return None, "how its controller is reached is not in the run file: use zerobeam run --resume"
     cell = provenance.get("cell sha256")
     if cell is not None:
@@ -190,9 +187,7 @@ def _resume(
         if cell_file is None:
             return None, "the cell file that it was begun with is not in this folder, or has changed"
         words.append(f"--cell={cell_file.path}")
-    if provenance.get("camera") is False:
-        words.append("--no-camera")
-    return [*words, f"--seed={provenance.get('seed', 0)}", plan], None
+    return [*words, *rig, plan], None
 
 
 @record(kw_only=True)

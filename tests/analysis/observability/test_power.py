@@ -131,7 +131,7 @@ def test_the_sentences() -> None:
     )
     noticed, hidden = power_sentences(told)
     assert noticed == (
-        "A run of this plan detects a 0.2° jump of J2’s zero with a probability of 80 % or more."
+        "A run of this plan detects a 0.2° jump of J2’s zero with a probability of 95 % or more."
     )
     assert hidden == (
         "Measure the mounting: a tool 5\N{NO-BREAK SPACE}mm off can hide: 0.18°, TCP 2.5\N{NO-BREAK SPACE}mm."

@@ -185,8 +185,42 @@ def test_inline_forms_of_krl_have_the_tools_of_their_data(tmp_path: Path) -> Non
     assert [(row.name, row.tool, row.frame) for row in answer.positions if row.kind == "cartesian"] == [
         ("XP1", "1", "2")
     ]
-    (tmp_path / "a.src").write_text(INLINE_FORMS.replace("PDAT_ACT=PP", "IF a THEN\nENDIF\nPDAT_ACT=PP"))
+    (tmp_path / "a.src").write_text(INLINE_FORMS.replace("BAS(#PTP", "IF a THEN\nENDIF\nBAS(#PTP"))
     assert "is chosen when the program runs" in refusals(shown_programs(tmp_path))[0]
+
+
+IN_A_BRANCH = "BAS(#TOOL,1)\nIF a THEN\nBAS(#TOOL,2)\n{}LIN XP2\nENDIF"
+# A routine with several tools and a branch: what stands between the line that sets one and the motion.
+SET_BEFORE_A_MOTION = {
+    "nothing": (IN_A_BRANCH.format(""), "2"),
+    "parameters": (IN_A_BRANCH.format("$VEL.CP=2\nBAS(#CP_PARAMS,2)\n"), "2"),
+    "a motion": (IN_A_BRANCH.format("PTP {A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0}\n"), "2"),
+    "a label": (IN_A_BRANCH.format("again:\n"), "?"),
+    "the end of the branch": ("BAS(#TOOL,1)\nIF a THEN\nBAS(#TOOL,2)\nENDIF\nLIN XP2", "?"),
+    "the other branch": ("BAS(#TOOL,1)\nIF a THEN\nBAS(#TOOL,2)\nELSE\nLIN XP2\nENDIF", "?"),
+    "a loop": ("BAS(#TOOL,1)\nLOOP\nLIN XP2\nBAS(#TOOL,2)\nENDLOOP", "?"),
+    "the end of a loop": ("REPEAT\nBAS(#TOOL,1)\nUNTIL a\nLIN XP2\nBAS(#TOOL,2)", "?"),
+    "a case": ("BAS(#TOOL,1)\nSWITCH n\nCASE 1\nBAS(#TOOL,2)\nCASE 2\nLIN XP2\nENDSWITCH", "?"),
+    "a call": (IN_A_BRANCH.format("change( )\n"), "?"),
+    "a function": (IN_A_BRANCH.format("n=change( )\n"), "?"),
+    "a start of all": (IN_A_BRANCH.format("BAS(#INITMOV,0)\n"), "?"),
+    "a pause": (IN_A_BRANCH.format("WAIT FOR $IN[1]\n"), "?"),
+    "an interrupt": (f"INTERRUPT DECL 5 WHEN $IN[1] DO change( )\n{IN_A_BRANCH.format('')}", "?"),
+    "a trigger": (f"TRIGGER WHEN DISTANCE=0 DELAY=0 DO change( ) PRIO=-1\n{IN_A_BRANCH.format('')}", "?"),
+}
+
+
+@pytest.mark.parametrize("between", SET_BEFORE_A_MOTION)
+def test_a_tool_set_on_the_line_before_a_motion_is_known_in_a_branch(tmp_path: Path, between: str) -> None:
+    lines, tool = SET_BEFORE_A_MOTION[between]
+    text = KRL_HEAD.replace("BAS(#TOOL,1)\n", "")
+    assert text != KRL_HEAD
+    (tmp_path / "a.src").write_text(text.format(lines))
+    (tmp_path / "a.dat").write_text(KRL_DATA.replace("XP1", "XP2"))
+    answer = shown_programs(tmp_path)
+    assert [row.tool for row in answer.positions if row.name == "XP2"] == [tool]
+    unknown = [one for one in refusals(answer) if "is chosen when the program runs" in one]
+    assert bool(unknown) == (tool == "?"), refusals(answer)
 
 
 def test_several_tools_one_after_the_other_are_no_question(tmp_path: Path) -> None:
@@ -195,7 +229,8 @@ def test_several_tools_one_after_the_other_are_no_question(tmp_path: Path) -> No
     (tmp_path / "a.dat").write_text(data)
     assert [one.tool for one in shown_programs(tmp_path).positions] == ["1", "2"]
     (tmp_path / "a.src").write_text(KRL_HEAD.format("LOOP\nLIN XP1\nBAS(#TOOL,2)\nLIN XP2\nENDLOOP"))
-    assert len(shown_programs(tmp_path).refused) == 2
+    (refused,) = shown_programs(tmp_path).refused
+    assert refused.sentence.startswith("XP1: its tool is chosen")  # that before it, or that of the last round
 
 
 # FANUC

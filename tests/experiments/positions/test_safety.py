@@ -106,7 +106,8 @@ REFUSED = {
     "no such configuration": (
         [MOVE],
         robtarget(GOOD).replace("[0,0,0,0]", "[0,0,0,7]"),
-        "2: p1: no joints within the limits reach it with the stated configuration (0, 0, 0, 7)",
+        "2: p1: joints reach it, but none with the stated configuration (0, 0, 0, 7): found are 0, 0, 0, 0"
+        " (joints 10.0, 20.0, 15.0, 30.0, 40.0, 50.0); ",
     ),
     "damaged": ([MOVE], robtarget(GOOD).replace("],[", "],", 1), "2: the numbers of p1 are not understood"),
 }
