@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
 from ..analysis.row import ParameterRow
@@ -34,13 +34,9 @@ BATCH_SCHEMA: Literal["zerobeam/batch/1"] = "zerobeam/batch/1"
 class BatchOffset(ParameterRow):
     """An offset of a run; its standard uncertainty has the key `u`."""
 
-    absent = ("std", "held")
+    absent: ClassVar[tuple[str, ...]] = ("held",)
 
-    @property
-    @key("standard uncertainty")
-    def u(self) -> float | None:
-        """The standard uncertainty."""
-        return self.std
+    std: Annotated[float | None, it("standard uncertainty", name="u")]
 
 
 @record

@@ -192,7 +192,10 @@ class Key(NamedTuple):
 
 @cache
 def keys(cls: type) -> tuple[Key, ...]:
-    """The keys of a record or a dataclass in the order of the document: fields, then properties."""
+    """The keys of a record or a dataclass in the order of the document: fields, then properties; without
+    those that all records of the class lack (`absent`)."""
+    absent = getattr(cls, "absent", ())
+    without = absent if isinstance(absent, tuple) else ()  # a property: it is of each record
     hints = get_type_hints(cls, include_extras=True)
     answer: list[Key] = []
     for one in fields(cls):
@@ -221,6 +224,8 @@ def keys(cls: type) -> tuple[Key, ...]:
             getters[name] = getter
     for attribute, getter in getters.items():
         name, description = getter.key_of_document
+        if name in without:
+            continue
         returns = get_type_hints(getter, include_extras=True)["return"]
         answer.append(Key(name, attribute, description, False, returns, getattr(returns, "__metadata__", ())))
     return tuple(answer)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import field
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import pytest
 
@@ -170,3 +170,15 @@ def test_the_schema_has_every_key_with_its_description() -> None:
     assert told["properties"]["rms_mm"]["description"] == "of its residuals, mm"
     assert told["properties"]["measured"] == {"type": "boolean", "description": "whether it was measured"}
     assert set(told["properties"]) - set(told["required"]) == {"late"}
+
+
+@record
+class Bare(Placed):
+    absent: ClassVar[tuple[str, ...]] = ("measured",)
+
+
+def test_what_all_records_of_a_class_lack_is_neither_written_nor_in_its_schema() -> None:
+    bare = Bare("left", 0.5, None, None, NOON)
+    assert set(to_json(placed(), WORDS)) - set(to_json(bare)) == {"measured"}
+    assert set(schema(Placed)["properties"]) - set(schema(Bare)["properties"]) == {"measured"}
+    assert read(Bare, to_json(bare)).rms_mm == 0.5

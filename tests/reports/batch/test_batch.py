@@ -107,6 +107,14 @@ def test_a_result_is_that_of_analyse_without_the_posterior(done):
     assert stds == pytest.approx(known, rel=1e-9)
 
 
+def test_what_is_done_is_read_back_and_not_done_again(done, monkeypatch):
+    out, found = done
+    solved = []
+    monkeypatch.setattr(carried_out, "solved_piece", solved.append)
+    assert to_json(carried(out.parent)) == to_json(found)
+    assert solved == []
+
+
 @pytest.mark.long
 def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
     (runs / "tuesday" / "misfit.jsonl").unlink()
