@@ -23,9 +23,10 @@ SEED = 1
 
 # What counts as a stage: functions as `zerobeam.analysis.analyse` calls them by name.
 STAGES = {
-    "fit": ["fit_likelihood", "fit_midpoint"],
-    "identifiability": ["identify"],
+    "fit": ["solve_run", "fit_midpoint"],
     "sampling": ["sample_posterior"],
+    "diagnostics": ["shot_results", "placement_result", "entered", "accuracy", "budget", "scene", "diagnose"],
+    "outlook": ["_outlook"],
 }
 
 # Runs in a process of its own: marks around imports and stages, then the command as ever.

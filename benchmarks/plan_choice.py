@@ -73,7 +73,7 @@ def ours(found: Candidates) -> dict[str, float]:
     spent = {}
     for criterion in ("A", "D", "E"):
         start = time.perf_counter()
-        chosen = design(found, SHOTS, criterion, SEED)
+        chosen = design(found, [SHOTS], criterion, SEED)
         spent[criterion] = time.perf_counter() - start
         print(
             f"  {criterion}: {spent[criterion]:6.2f} s, certified efficiency {chosen.efficiency:.3f}"
@@ -110,7 +110,7 @@ def compare(python: Path, everything: Candidates, counts: list[int], limit: floa
         print(f"\n{found.count} candidates, D-optimal {SHOTS}")
         for of, own in asked.items():
             start = time.perf_counter()
-            chosen = design(own, SHOTS, "D", SEED)
+            chosen = design(own, [SHOTS], "D", SEED)
             best[of] = chosen.value, time.perf_counter() - start
             print(f"  zerobeam, for {of}: {best[of][1]:.2f} s, certified efficiency {chosen.efficiency:.3f}")
         for which in ("Detmax", "SOCPOptimizer"):

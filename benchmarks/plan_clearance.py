@@ -29,7 +29,7 @@ from zerobeam.model.errors import ZerobeamError
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import built_in_robots, load_robot
 
-PLACES_TRIED = ("front", "table", "floor")
+PLACES_TRIED = ("front", "floor")
 MOST = 1.15  # times as large a u, by issue 45
 
 
