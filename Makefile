@@ -1,6 +1,6 @@
 # make demo        the main job on built-in runs, and where its report is
 # make test        format, lint, types and all tests but the long ones
-# make test-long   the long tests, on all cores; SHARD=1/4: the first of four parts
+# make test-long   the long tests, on all cores; SHARD=1/4: the first of four parts, MINUTES=12: what begins within
 # make test-lowest make test with the lowest versions that pyproject.toml allows
 # make docs        the site of the documentation, and where it is
 # Everything is installed into .venv, again only when pyproject.toml changed.
@@ -28,7 +28,7 @@ test: style
 	wait $$types || { cat build/types.txt; exit 1; }; exit $$tests
 
 test-long: .venv/installed-test
-	@$(BIN)/pytest -n auto --dist worksteal -m long $(if $(SHARD),--shard $(SHARD))
+	@$(BIN)/pytest -n auto --dist worksteal -m long $(if $(SHARD),--shard $(SHARD)) $(if $(MINUTES),--minutes $(MINUTES))
 
 test-lowest: .venv-lowest/installed-test
 	@.venv-lowest/bin/pytest -n auto --dist worksteal -m "not long"

@@ -7,6 +7,7 @@ import gc
 import os
 import re
 import sys
+import time
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -16,6 +17,8 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from zerobeam.model.errors import BadInput
+
+BEGAN = time.monotonic()
 
 # As the command line does (`cli.main`): by default the collector takes a good part of the time.
 gc.set_threshold(50_000, 20, 20)
@@ -33,6 +36,7 @@ def pytest_unconfigure() -> None:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--shard", type=_shard, metavar="K/N", help="the tests of the K-th of N parts alone")
+    parser.addoption("--minutes", type=float, metavar="M", help="no test begins later than this")
 
 
 def _shard(stated: str) -> tuple[int, int]:
@@ -59,6 +63,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=others)
         left_out = set(others)
         items[:] = [item for item in items if item not in left_out]
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    minutes = item.config.getoption("--minutes")
+    if minutes is not None and time.monotonic() - BEGAN > 60 * minutes:
+        pytest.skip(f"not begun within {minutes:g} minutes")
 
 
 @pytest.fixture(scope="session")

@@ -121,6 +121,7 @@ def test_a_hundred_arms_three_times_as_far_off_seldom_pass(measurements: int, mo
     assert 1 - outcome(measurements, 100, 3.0).misfit.mean() <= most
 
 
+@pytest.mark.long
 def test_the_factors_of_the_tolerances_are_those_of_the_arms() -> None:
     own, rng = header(target=TARGET, geometry={"scale": "estimated"}), np.random.default_rng(2014)
     postures = varied_postures(header(target=TARGET), irb1600(), TARGET, 20, seed=7)

@@ -65,6 +65,7 @@ def test_too_few_measurements_are_named_with_the_number_that_is_enough() -> None
     assert not any("acceptance" in sentence for sentence in enough.sentences)
 
 
+@pytest.mark.long
 def test_noise_that_is_estimated_needs_degrees_of_freedom() -> None:
     known, estimated = made(8).checked, made(8, scale="estimated").checked
     assert known is not None

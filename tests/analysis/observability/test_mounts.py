@@ -94,6 +94,7 @@ def test_the_plan_without_a_posture_is_judged_at_a_typical_place_too() -> None:
     assert (rest.std["delta5"] or 0.0) > 0.9 * promised(turned.plan)["delta5"]
 
 
+@pytest.mark.long
 def test_a_plan_is_chosen_and_decided_on_for_a_typical_place() -> None:
     """What the planner says of a plan is what its check promises; by the guess alone it was a third."""
     header = read_plan(PLAN).header

@@ -278,6 +278,7 @@ def test_what_does_not_help_is_not_said() -> None:
     assert "predicted" in texts(check(pattern_plan("x")))
 
 
+@pytest.mark.long
 def test_a_remedy_keeps_to_the_constraints_of_its_plan() -> None:
     plan = nearly_x(10.0)
     free = tried_of(check_plan(plan).identifiability.null_space)[0]

@@ -144,6 +144,7 @@ def test_without_the_sheet_the_draws_are_too_narrow_and_the_gate_says_so(monkeyp
     assert "but not with the profile likelihood: the 95 % interval of J" in said
 
 
+@pytest.mark.long
 def test_where_no_other_method_serves_the_draws_are_not_converged(monkeypatch):
     in_plain_coordinates(monkeypatch)
     monkeypatch.setattr("zerobeam.analysis.posterior.sampler.BUDGET", 0)

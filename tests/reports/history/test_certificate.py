@@ -349,6 +349,7 @@ def test_a_posterior_that_did_not_converge_is_said(tmp_path: Path) -> None:
     assert "No posterior is shown: the posterior has not converged" in shown.words
 
 
+@pytest.mark.long
 def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
     for name in ("geometry", "separate", "uncalibrated"):
         (tmp_path / name).mkdir()
