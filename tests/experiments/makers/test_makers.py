@@ -16,6 +16,7 @@ from recorded_logs import HEADER, POSTURES
 
 from zerobeam.experiments.makers.maker import Maker, makers
 from zerobeam.experiments.positions.position_languages import LANGUAGES
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import read_run
 from zerobeam.words.controllers import POSITIONS, export_command, taken_by
 
@@ -25,7 +26,7 @@ GOOD = demo_runs()[0].path
 ACME = '''
 from typing import Annotated
 
-from zerobeam.experiments.makers.maker import Maker, OffsetFile, Option, PlanProgram, Reader
+from zerobeam.experiments.makers.maker import KnownLog, Maker, OffsetFile, Option, PlanProgram, Reader
 
 
 def zeros(run, calibration, scale: Annotated[float, Option("Units of one degree.")] = 1.0):
@@ -50,6 +51,13 @@ def read(job, skip: Annotated[int, Option("Lines to skip.", least=0)] = 0):
     return import_points(job, parse, names=None, note="ACME lines")
 
 
+def trace(count):
+    from zerobeam.experiments.makers.generic.layouts import CsvLayout
+
+    names = [f"axis{i}" for i in range(1, count + 1)]
+    return CsvLayout("deg", columns=names, header_row=True, delimiter="|", time_column="t", time_units="s")
+
+
 MAKER = Maker(
     "ACME",
     "acme",
@@ -57,6 +65,7 @@ MAKER = Maker(
     offsets=(OffsetFile("acme", zeros),),
     program=(PlanProgram("acme", "ACME", ("zb_plan.acme",), program, ("speed",)),),
     read=(Reader("acme", read, "Files of ACME."),),
+    logs=(KnownLog("acme", "trace of ACME", trace),),
 )
 '''
 RUN = """
@@ -102,6 +111,24 @@ def test_a_made_up_maker_is_one_new_file(tmp_path: Path) -> None:
     options = ["--skip", "1", "--header", tmp_path / "header.yaml", "--target", "a", "-o", run]
     assert "4 measurements written" in zerobeam("import", "acme", tmp_path / "a.acme", *options)
     assert len(read_run(run).shots) == 4
+    log, traced = tmp_path / "trace.txt", tmp_path / "traced.jsonl"
+    log.write_text(trace_of(POSTURES))
+    options = ["--still-deg", "0.01", "--still-s", "0.5", *options[2:-1], traced]
+    assert "4 measurements written" in zerobeam("import", "log", "acme", log, *options)
+    assert [shot.joints_deg for shot in read_run(traced).shots] == [
+        shot.joints_deg for shot in read_run(run).shots
+    ]
+
+
+def trace_of(postures: Matrix) -> str:
+    """A second in each posture, with ten rows, and a second from one to the next."""
+    rows, clock = ["t|" + "|".join(f"axis{i}" for i in range(1, postures.shape[1] + 1))], 0.0
+    for here, there in zip(postures, [*postures[1:], postures[-1]], strict=True):
+        for share in [0.0] * 10 + [k / 10 for k in range(10)]:
+            joints = here + share * (there - here)
+            rows.append(f"{clock:.1f}|" + "|".join(map(str, joints.tolist())))
+            clock += 0.1
+    return "\n".join(rows) + "\n"
 
 
 def row(maker: Maker) -> str:
