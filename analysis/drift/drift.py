@@ -26,7 +26,7 @@ from scipy import special
 from ...model.arrays import Matrix
 from ...model.errors import BadInput, UnsoundResult
 from ...model.records import internal, it, record
-from .importance import ENOUGH, MOST, Pass, about, effective, from_pass, normalised, over_passes, sampled
+from .importance import ENOUGH, MOST, Nodes, Pass, about, effective, from_pass, normalised, sampled
 from .smoother import Series, Smoothed, smooth
 
 _KNOWN = 0.5  # std of a known log rate over that of its prior: three times the prior's information
@@ -89,19 +89,19 @@ class JumpTests:
             )
 
 
-def _jump_tests(smoothed: Smoothed, passes: Sequence[Pass], seed: int) -> list[JumpTests]:
+def _jump_tests(smoothed: Smoothed, nodes: Nodes, seed: int) -> list[JumpTests]:
     """The tests, none where a jump is allowed already or one side has no result of the offset. `smoothed` is
-    of rates that were sampled from the `passes`."""
+    of rates whose logarithms are the `nodes`."""
     places = list(_between_results(smoothed.series, smoothed.jumps))
     scored = _Scored.of(smoothed, places)
     known = np.flatnonzero((scored.power > 0).all(axis=0)).tolist()
     places, scored = [places[k] for k in known], scored.at(known)
-    weights = scored.weights(over_passes(np.log(scored.rates), passes))
+    weights = scored.weights(nodes.over)
     enough = 1 / (weights**2).sum(axis=0) >= ENOUGH
     of_all, few = np.flatnonzero(enough).tolist(), np.flatnonzero(np.logical_not(enough)).tolist()
     named = [places[k] for k in of_all]
-    together = _tests(smoothed.series, named, scored.at(of_all), weights[:, of_all], passes)
-    return [together, *(_more(smoothed, scored.at([k]), passes, places[k], seed) for k in few)]
+    together = _tests(smoothed.series, named, scored.at(of_all), weights[:, of_all], nodes.passes[0])
+    return [together, *(_more(smoothed, scored.at([k]), nodes, places[k], seed) for k in few)]
 
 
 def _between_results(series: Series, jumps: Matrix) -> Iterator[tuple[int, int]]:
@@ -142,24 +142,22 @@ class _Scored:
         return normalised((self.log_likelihood + over)[:, None] + self.score**2 / 2 - np.log(self.power) / 2)
 
 
-def _more(
-    smoothed: Smoothed, scored: _Scored, passes: Sequence[Pass], tested: tuple[int, int], seed: int
-) -> JumpTests:
+def _more(smoothed: Smoothed, scored: _Scored, nodes: Nodes, tested: tuple[int, int], seed: int) -> JumpTests:
     """One test (interval, offset), where too few of the rates count, by more: first with the prior of the
     rate of the tested offset, then about those that count."""
-    weights = scored.weights(over_passes(np.log(scored.rates), passes))
-    prior, more = passes[0], list(passes)
-    while effective(weights[:, 0]) < ENOUGH and len(more) < len(passes) + MOST:
-        more.append(
-            _with_prior_of(tested[1], passes[-1], prior)
-            if len(more) == len(passes)
-            else about(np.log(scored.rates), weights[:, 0])
+    weights, passes = scored.weights(nodes.over), nodes.passes
+    while effective(weights[:, 0]) < ENOUGH and len(nodes.passes) < len(passes) + MOST:
+        near = (
+            _with_prior_of(tested[1], passes[-1], passes[0])
+            if len(nodes.passes) == len(passes)
+            else about(nodes.points, weights[:, 0])
         )
-        rates = np.exp(from_pass(more[-1], _NODES, seed + len(more) - 1))
-        added = _Scored.of(smooth(smoothed.series, rates, smoothed.jumps), [tested])
+        points = from_pass(near, _NODES, seed + len(nodes.passes))
+        nodes = nodes.followed_by(near, points)
+        added = _Scored.of(smooth(smoothed.series, np.exp(points), smoothed.jumps), [tested])
         scored = _Scored(*map(np.concatenate, zip(astuple(scored), astuple(added), strict=True)))
-        weights = scored.weights(over_passes(np.log(scored.rates), more))
-    return _tests(smoothed.series, [tested], scored, weights, passes)
+        weights = scored.weights(nodes.over)
+    return _tests(smoothed.series, [tested], scored, weights, passes[0])
 
 
 def _tests(
@@ -167,7 +165,7 @@ def _tests(
     places: Sequence[tuple[int, int]],
     scored: _Scored,
     weights: Matrix,
-    passes: Sequence[Pass],
+    prior: Pass,
 ) -> JumpTests:
     intervals, offsets = np.array(places, int).reshape(-1, 2).T
     rates, variance = scored.rates[:, offsets], 1 / scored.power
@@ -180,7 +178,7 @@ def _tests(
         change=scored.score * np.sqrt(variance),
         noise=np.maximum(variance - drift_variance, 0.0),
         drift_variance=drift_variance,
-        rate_known=spread <= (_KNOWN * np.diag(passes[0][1])[offsets]) ** 2,
+        rate_known=spread <= (_KNOWN * np.diag(prior[1])[offsets]) ** 2,
     )
 
 
@@ -318,8 +316,8 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
     p_first = np.full(jumps.shape, np.nan)
     jumps_found: list[tuple[int, int, float]] = []
     while True:
-        smoothed, log_weight, passes = integrated(series, jumps, seed)
-        tests = _jump_tests(smoothed, passes, seed)
+        smoothed, nodes = integrated(series, jumps, seed)
+        tests = _jump_tests(smoothed, nodes, seed)
         p_values = {
             tested: p_value
             for some in tests
@@ -335,7 +333,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         jumps = jumps.copy()
         jumps[clearest] = True
         jumps_found.append((*clearest, p_values[clearest] / single * alarm))
-    weights = normalised(log_weight)
+    weights = normalised(smoothed.log_likelihood + nodes.over)
     undecided = [one for some in tests for one in some.undecided(series, single)]
     return Drift(
         series=series,
@@ -346,7 +344,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         undecided=tuple(sorted(undecided, key=lambda one: (one.place, series.names.index(one.offset)))),
         changed=any((some.p_same <= single).any() for some in tests),
         effective=effective(weights),
-        passes=passes,
+        passes=nodes.passes,
     )
 
 
@@ -390,18 +388,18 @@ def mixture_quantile(mean: Matrix, std: Matrix, weights: Matrix, q: float) -> Ma
     return np.asarray(at)
 
 
-def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Smoothed, Matrix, tuple[Pass, ...]]:
-    """The states for K rates, the logarithms of their weights (K,), and the passes they are from."""
+def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Smoothed, Nodes]:
+    """The states for K rates, and the nodes that are their logarithms."""
     size = len(series.names)
-    passes: list[Pass] = [(np.full(size, math.log(MEDIAN)), SPREAD * np.eye(size))]
+    prior: Pass = (np.full(size, math.log(MEDIAN)), SPREAD * np.eye(size))
     parts: list[Smoothed] = []
 
     def log_likelihood(points: Matrix) -> Matrix:
         parts.append(smooth(series, np.exp(points), jumps))
         return parts[-1].log_likelihood
 
-    points, log_likelihoods = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
-    return Smoothed.joined(parts), log_likelihoods + over_passes(points, passes), tuple(passes)
+    nodes, _ = sampled(log_likelihood, [prior], _PASSES, _NODES, seed)
+    return Smoothed.joined(parts), nodes
 
 
 def _jump(smoothed: Smoothed, weights: Matrix, t: int, j: int, p_value: float) -> Jump:

@@ -29,7 +29,7 @@ from scipy import optimize, special
 
 from ...model.arrays import Index, Matrix
 from .drift import MEDIAN, SPREAD, Drift, median_interval
-from .importance import Pass, about, against_passes, effective, from_pass, normalised, over_passes, sampled
+from .importance import Nodes, Pass, about, effective, from_pass, normalised, sampled
 from .smoother import Series, smooth
 
 LEAST = 0.04  # of rho: rates of two arms of a model are never taken as equal (tau at least 0.3)
@@ -91,14 +91,13 @@ class ModelRates:
 
 @dataclass(eq=False)
 class _Cloud:
-    """Logarithms of rates of an arm (K, m), their log-likelihood, and the passes they are points of; the
-    `columns` of its offsets among those of the model, -1 where that is not modelled."""
+    """The `nodes` of an arm's rates (their logarithms) and their log-likelihood (K,); the `columns` of its
+    offsets among those of the model, -1 where that is not modelled."""
 
     series: Series
     jumps: Matrix
-    points: Matrix
+    nodes: Nodes
     log_likelihood: Matrix
-    passes: list[Pass]
     columns: Matrix
 
     @property
@@ -109,14 +108,14 @@ class _Cloud:
     @property
     def base(self) -> Matrix:
         """(K,) the logarithm of likelihood and prior of what is not modelled, over their density."""
-        apart = self.points[:, self.columns < 0] - _CENTRE
-        over = against_passes(self.points, self.passes) - 0.5 * (apart**2).sum(axis=1) / SPREAD**2
+        apart = self.nodes.points[:, self.columns < 0] - _CENTRE
+        over = self.nodes.against - 0.5 * (apart**2).sum(axis=1) / SPREAD**2
         return np.asarray(self.log_likelihood + over)
 
     def extend(self, mu: Matrix, tau: Matrix, seed: int) -> None:
         """More rates about the product of the arm's likelihood, taken as normal, and of N(mu, tau^2)."""
-        weights = normalised(self.log_likelihood + over_passes(self.points, self.passes))
-        x = (self.points - _CENTRE) / SPREAD  # standard normal by the prior
+        weights = normalised(self.log_likelihood + self.nodes.over)
+        x = (self.nodes.points - _CENTRE) / SPREAD  # standard normal by the prior
         mean = weights @ x
         spread, axes = np.linalg.eigh((weights[:, None] * (x - mean)).T @ (x - mean))
         sharper = np.maximum(1 / np.maximum(spread, 1e-6) - 1, 0.0)
@@ -133,10 +132,9 @@ class _Cloud:
 
     def add(self, near: Pass, seed: int) -> None:
         """The points of one more pass."""
-        self.passes.append(near)
         points = from_pass(near, _MORE, seed)
         log_likelihood = smooth(self.series, np.exp(points), self.jumps).log_likelihood
-        self.points = np.concatenate([self.points, points])
+        self.nodes = self.nodes.followed_by(near, points)
         self.log_likelihood = np.concatenate([self.log_likelihood, log_likelihood])
 
 
@@ -160,14 +158,15 @@ class _Stack:
         for k, cloud in enumerate(clouds):
             kept, modelled = cloud.kept, cloud.columns >= 0
             x = np.zeros((int(kept.sum()), size))
-            x[:, cloud.columns[modelled]] = cloud.points[np.ix_(kept, modelled)] - _CENTRE
+            x[:, cloud.columns[modelled]] = cloud.nodes.points[np.ix_(kept, modelled)] - _CENTRE
             present[k, cloud.columns[modelled]] = 1.0
             features.append(np.concatenate([x**2, x], axis=1))
-            bases.append(cloud.base[kept] - cloud.base[kept].max())
+            base = cloud.base[kept]
+            bases.append(base - base.max())
         begins = np.cumsum([*map(len, bases)])[:-1]
         return _Stack(np.concatenate(features), np.concatenate(bases), begins, present)
 
-    @property
+    @cached_property
     def arm(self) -> Index:
         """(R,) which arm each is of."""
         return np.repeat(np.arange(len(self.begins)), np.diff(self.begins, append=len(self.base)))
@@ -262,9 +261,9 @@ def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
         parts = np.split(points, range(_AT_ONCE, len(points), _AT_ONCE))
         return np.concatenate([stack.log_likelihood(*_model(part)) for part in parts])
 
-    points, log_likelihoods = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
-    weights = normalised(log_likelihoods + over_passes(points, passes))
-    mu, tau = _model(points)
+    nodes, log_likelihoods = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
+    weights = normalised(log_likelihoods + nodes.over)
+    mu, tau = _model(nodes.points)
     some = np.searchsorted(np.cumsum(weights), (np.arange(_SOME) + 0.5) / _SOME)
     arms = tuple(_arm(cloud, mu[some], tau[some], seed) for cloud in clouds)
     return ModelRates(names, mu, tau, weights, effective(weights), arms)
@@ -272,9 +271,8 @@ def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
 
 def _cloud(drift: Drift, names: tuple[str, ...]) -> _Cloud:
     columns = [names.index(name) if name in names else -1 for name in drift.series.names]
-    log_likelihood, passes = drift.smoothed.log_likelihood, list(drift.passes)
-    rates = np.log(drift.rates)
-    return _Cloud(drift.series, drift.allowed, rates, log_likelihood, passes, np.array(columns))
+    nodes = Nodes.of(np.log(drift.rates), drift.passes)
+    return _Cloud(drift.series, drift.allowed, nodes, drift.smoothed.log_likelihood, np.array(columns))
 
 
 def _arm(cloud: _Cloud, mu: Matrix, tau: Matrix, seed: int) -> ArmRates:
@@ -285,8 +283,9 @@ def _arm(cloud: _Cloud, mu: Matrix, tau: Matrix, seed: int) -> ArmRates:
         agreeing = 1 / (of_each**2).sum(axis=0)
         if agreeing.mean() >= FEW or number == _AGAIN:
             break
-        cloud.add(about(cloud.points[cloud.kept], of_each[:, agreeing.argmin()]), seed + 10_000 + number)
-    rates = np.exp(cloud.points[cloud.kept])
+        near = about(cloud.nodes.points[cloud.kept], of_each[:, agreeing.argmin()])
+        cloud.add(near, seed + 10_000 + number)
+    rates = np.exp(cloud.nodes.points[cloud.kept])
     return ArmRates(cloud.series.names, rates, of_each.mean(axis=1), float(agreeing.mean()))
 
 

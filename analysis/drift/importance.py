@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -23,23 +24,59 @@ ENOUGH, MOST = 100, 24
 _WIDER, _FLOOR = 1.2, 0.25  # the std of a pass over that of the weights so far, and the least one
 
 
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """`points` (K, d) of the `passes`, with two logarithms of densities at each: `prior` (K,), of the first
+    pass, and `mixed` (K,), of the sum of all. A pass that follows costs its own densities alone."""
+
+    passes: tuple[Pass, ...]
+    points: Matrix
+    prior: Matrix
+    mixed: Matrix
+
+    @staticmethod
+    def of(points: Matrix, passes: Sequence[Pass]) -> Nodes:
+        each = _log_normals(points, passes)
+        return Nodes(tuple(passes), points, each[0], np.logaddexp.reduce(each, axis=0))
+
+    def followed_by(self, near: Pass, points: Matrix) -> Nodes:
+        """With one more pass, and `points` of it."""
+        added = Nodes.of(points, (*self.passes, near))
+        return Nodes(
+            added.passes,
+            np.concatenate([self.points, points]),
+            np.concatenate([self.prior, added.prior]),
+            np.concatenate([np.logaddexp(self.mixed, _log_normals(self.points, [near])[0]), added.mixed]),
+        )
+
+    @property
+    def against(self) -> Matrix:
+        """(K,) minus the logarithm of the density of the mixture, up to a constant of the dimension."""
+        return np.asarray(math.log(len(self.passes)) - self.mixed)
+
+    @property
+    def over(self) -> Matrix:
+        """(K,) the logarithm of the prior over the mixture."""
+        return self.prior + self.against
+
+
 def sampled(
-    log_likelihood: Callable[[Matrix], Matrix], passes: list[Pass], rounds: int, nodes: int, seed: int
-) -> tuple[Matrix, Matrix]:
-    """The points (K, d), `nodes` (a power of two) of each of the `passes`, the first of which is the prior,
-    and of `rounds` more, which are appended to `passes`; and the log-likelihood of each point (K,). Up to
-    `MOST` rounds follow while fewer than `ENOUGH` points count: where the data are far from the prior."""
-    points = np.concatenate([from_pass(one_pass, nodes, seed + k) for k, one_pass in enumerate(passes)])
-    log_likelihoods = log_likelihood(points)
+    log_likelihood: Callable[[Matrix], Matrix], passes: Sequence[Pass], rounds: int, count: int, seed: int
+) -> tuple[Nodes, Matrix]:
+    """`count` nodes (a power of two) of each of the `passes`, the first of which is the prior, and of
+    `rounds` more; and the log-likelihood of each (K,). Up to `MOST` rounds follow while fewer than `ENOUGH`
+    nodes count: where the data are far from the prior."""
+    points = np.concatenate([from_pass(one_pass, count, seed + k) for k, one_pass in enumerate(passes)])
+    nodes, log_likelihoods = Nodes.of(points, passes), log_likelihood(points)
     for number in range(max(rounds, MOST)):
-        weights = normalised(log_likelihoods + over_passes(points, passes))
+        weights = normalised(log_likelihoods + nodes.over)
         if number >= rounds and effective(weights) >= ENOUGH:
             break
-        passes.append(about(points, weights))
-        near = from_pass(passes[-1], nodes, seed + len(passes) - 1)
-        log_likelihoods = np.concatenate([log_likelihoods, log_likelihood(near)])
-        points = np.concatenate([points, near])
-    return points, log_likelihoods
+        near = about(nodes.points, weights)
+        points = from_pass(near, count, seed + len(nodes.passes))
+        nodes = nodes.followed_by(near, points)
+        log_likelihoods = np.concatenate([log_likelihoods, log_likelihood(points)])
+    return nodes, log_likelihoods
 
 
 def effective(weights: Matrix) -> float:
@@ -70,23 +107,14 @@ def _standard_points(size: int, nodes: int, seed: int) -> Matrix:
     return standard
 
 
-def over_passes(points: Matrix, passes: Sequence[Pass]) -> Matrix:
-    """(K,) the logarithm of the prior, the first of the `passes`, over the mixture of all of them."""
-    return np.asarray(_log_normal(points, *passes[0]) + against_passes(points, passes))
-
-
-def against_passes(points: Matrix, passes: Sequence[Pass]) -> Matrix:
-    """(K,) minus the logarithm of the density of the mixture, up to a constant of the dimension."""
-    each = np.array([_log_normal(points, *one_pass) for one_pass in passes])
-    return np.asarray(math.log(len(passes)) - np.logaddexp.reduce(each, axis=0))
-
-
 def normalised(log_weight: Matrix) -> Matrix:
     """Weights that sum to 1 along the first axis."""
     weight = np.exp(log_weight - log_weight.max(axis=0))
     return np.asarray(weight / weight.sum(axis=0))
 
 
-def _log_normal(points: Matrix, centre: Matrix, root: Matrix) -> Matrix:
-    z = (points - centre) @ np.linalg.inv(root).T
-    return np.asarray(-0.5 * np.einsum("ki,ki->k", z, z) - np.linalg.slogdet(root)[1])
+def _log_normals(points: Matrix, passes: Sequence[Pass]) -> Matrix:
+    """(P, K) the logarithm of the density of each pass at the points, up to a constant of the dimension."""
+    centres, roots = (np.array(part) for part in zip(*passes, strict=True))
+    z = (points - centres[:, None]) @ np.linalg.inv(roots).transpose(0, 2, 1)
+    return np.asarray(-0.5 * np.einsum("pki,pki->pk", z, z) - np.linalg.slogdet(roots)[1][:, None])

@@ -268,8 +268,9 @@ def _corrected_from(arm: MeasuredArm, seed: int) -> _CorrectedArm | None:
     if elsewhere == jumps:
         return _informed(series, arm.instruments, arm_drift.rates, arm_drift.weights, arm_drift.allowed)
     allowed = allowed_at(series, elsewhere)
-    smoothed, log_weight, _ = integrated(series, allowed, seed)
-    return _informed(series, arm.instruments, smoothed.rates, normalised(log_weight), allowed)
+    smoothed, nodes = integrated(series, allowed, seed)
+    weights = normalised(smoothed.log_likelihood + nodes.over)
+    return _informed(series, arm.instruments, smoothed.rates, weights, allowed)
 
 
 def _corrected(arm: _CorrectedArm, shift: Mapping[Column, float], seed: int) -> _CorrectedArm:

@@ -46,7 +46,7 @@ _UNARY = {
 }
 _TURNED = {ca.OP_SIN: "s", ca.OP_COS: "c"}  # mostly both are asked for, and one call gives both
 
-_HEAD = (Path(__file__).parent / "lanes.h").read_text(encoding="utf-8")
+LANES = (Path(__file__).parent / "lanes.h").read_text(encoding="utf-8")
 
 
 class NoSource(Exception):
@@ -118,7 +118,7 @@ def grid_source(function: ca.Function, hoisted: Collection[str], *, gram: bool =
     first += [f"V s{c} = zb_all(0.0);" for c in columns]
     add = [f"s{c} += {sums[c]};" for c in columns]
     store += [f"out[(o + l) * {total} + {c}] = s{c}[l];" for c in columns]
-    return f"""{_HEAD}
+    return f"""{LANES}
 void zb_sum(const double **values, const long long *step, const long long **row,
             const long long **offset, long long outer, long long inner, double *out) {{
   for (long long o = 0; o < outer; o += LANES) {{

@@ -453,7 +453,7 @@ def compiled_library(
 
 
 def _warn(why: str) -> None:
-    warnings.warn(f"{why}: CasADi's virtual machine serves, slower", KernelWarning, stacklevel=4)
+    warnings.warn(f"{why}: what needs none serves, slower", KernelWarning, stacklevel=4)
 
 
 def _whole(library: Path) -> bool:

@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from zerobeam.analysis.drift import fleet
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, Drift, drift
 from zerobeam.analysis.drift.fleet import ENOUGH, LEAST, ModelRates, model_rates
-from zerobeam.analysis.drift.importance import against_passes
+from zerobeam.analysis.drift.importance import Nodes
 from zerobeam.analysis.drift.smoother import Series, smooth
 from zerobeam.model.arrays import Matrix
 
@@ -35,18 +35,18 @@ def normal_likelihood(centres: Matrix, std: float) -> list[fleet._Cloud]:
         points = np.concatenate([c + random.normal(size=(4000, 1)) @ root for c, root in passes])
         log_likelihood = stats.norm(centre, std).logpdf(points[:, 0])
         series, none = without(walked(random, (0.01, 0.01), 3), NAMES[1], range(3)), np.zeros((2, 1))
-        found.append(fleet._Cloud(series, none, points, log_likelihood, passes, np.array([0])))
+        found.append(fleet._Cloud(series, none, Nodes.of(points, passes), log_likelihood, np.array([0])))
     return found
 
 
 def test_more_rates_are_sampled_about_the_product_of_likelihood_and_model() -> None:
     (cloud,) = normal_likelihood(np.array([-6.0]), 0.8)
     cloud.extend(np.array([-3.0]), np.array([0.5]), 0)
-    (mean,), ((root,),) = cloud.passes[-1]
+    (mean,), ((root,),) = cloud.nodes.passes[-1]
     precision = 1 / 0.8**2 + 1 / 0.5**2
     assert mean == pytest.approx((-6.0 / 0.8**2 - 3.0 / 0.5**2) / precision, abs=0.1)
     assert root == pytest.approx(1.3 / math.sqrt(precision), rel=0.1)
-    assert len(cloud.points) == len(cloud.log_likelihood) == 8000 + 256
+    assert len(cloud.nodes.points) == len(cloud.log_likelihood) == 8000 + 256
 
 
 def test_one_arm_alone_has_the_answer_it_has_without_a_fleet() -> None:
@@ -70,7 +70,7 @@ def test_normal_likelihoods_given_mu_and_tau_have_the_closed_form() -> None:
     assert found[0] - found[1] == pytest.approx(exact[0] - exact[1], abs=0.1)
     for k, (own, centre) in enumerate(zip(clouds, centres, strict=True)):
         weights = stack.weights(k, mu[:1], tau[:1])[:, 0]
-        mean = weights @ own.points[own.kept, 0]
+        mean = weights @ own.nodes.points[own.kept, 0]
         shrunk = (centre / std**2 + mu[0, 0] / tau[0, 0] ** 2) / (1 / std**2 + 1 / tau[0, 0] ** 2)
         assert mean == pytest.approx(shrunk, abs=0.05)
 
@@ -92,7 +92,8 @@ def test_rates_are_added_until_enough_agree_with_the_model() -> None:
     alone = drift(walked(np.random.default_rng(2), (3.0, 0.003), 20))
     mu, tau = np.log([[2.0, 0.004]]), np.full((1, 2), 0.4)
     whole, few = fleet._arm(fleet._cloud(alone, NAMES), mu, tau, 0), fleet._cloud(alone, NAMES)
-    few.points, few.log_likelihood, few.passes = few.points[:256], few.log_likelihood[:256], few.passes[:1]
+    few.nodes = Nodes.of(few.nodes.points[:256], few.nodes.passes[:1])
+    few.log_likelihood = few.log_likelihood[:256]
     before = 1 / (fleet._Stack.of([few], 2).weights(0, mu, tau) ** 2).sum()
     found = fleet._arm(few, mu, tau, 0)
     assert before < 2 < fleet.FEW <= found.effective
@@ -216,7 +217,7 @@ def all_alike(drifts: list[Drift], j: int) -> tuple[float, float]:
     total = stats.norm(math.log(MEDIAN), SPREAD).logpdf(grid)
     for own in drifts:
         points = np.log(own.rates)
-        base = own.smoothed.log_likelihood + against_passes(points, own.passes)
+        base = own.smoothed.log_likelihood + Nodes.of(points, own.passes).against
         for i in range(points.shape[1]):
             if i != j:
                 base = base - 0.5 * ((points[:, i] - math.log(MEDIAN)) / SPREAD) ** 2
@@ -275,10 +276,10 @@ def test_two_offsets_whose_rates_are_correlated_are_sampled_about_their_product(
     points = np.concatenate([c + random.normal(size=(4000, 2)) @ root.T for c, root in passes])
     log_likelihood = stats.multivariate_normal(centre, covariance).logpdf(points)
     series, none = walked(random, (0.01, 0.01), 3), np.zeros((2, 2))
-    cloud = fleet._Cloud(series, none, points, log_likelihood, passes, np.array([0, 1]))
+    cloud = fleet._Cloud(series, none, Nodes.of(points, passes), log_likelihood, np.array([0, 1]))
     mu, tau = np.array([-3.0, -4.0]), np.array([0.5, 0.8])
     cloud.extend(mu, tau, 0)
-    mean, root = cloud.passes[-1]
+    mean, root = cloud.nodes.passes[-1]
     precision = np.linalg.inv(covariance) + np.diag(tau**-2)
     exact = np.linalg.inv(precision)
     expected = exact @ (np.linalg.solve(covariance, centre) + mu / tau**2)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 
-from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
+from zerobeam.analysis.drift import smoother
+from zerobeam.analysis.drift.smoother import Filtered, Observation, Series, series_of, smooth
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import UnsoundResult
+from zerobeam.model.likelihood import kernel
 
 NAMES = ("delta2", "delta3", "delta4")
 UNITS = dict.fromkeys(NAMES, "deg")
@@ -138,3 +140,30 @@ def test_without_a_walk_a_jump_is_the_difference_of_two_means(rate: float) -> No
         np.testing.assert_allclose(powers[t, :, 0], np.diag(precision), rtol=1e-3)
         score = precision @ apart / np.sqrt(np.diag(precision))
         np.testing.assert_allclose(scores[t, :, 0], score, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
+@pytest.mark.parametrize("rates", [1, 3, 256, 261])
+@pytest.mark.parametrize("columns", [1, 4])
+def test_the_compiled_filter_and_tests_are_those_of_numpy(
+    monkeypatch: pytest.MonkeyPatch, rates: int, columns: int
+) -> None:
+    own, random = series(5), np.random.default_rng(5)
+    jumps = np.zeros((5, 3), dtype=bool)
+    jumps[2, 1] = True
+    some = np.exp(random.normal(np.log(0.01), 1.5, size=(rates, 3)))
+    vectors = np.tile(own.information()[1][:, :, None], columns) + np.arange(columns)
+
+    def both() -> tuple[Filtered, tuple[Matrix, Matrix]]:
+        tested = smooth(own, some, jumps).jumps_after([0, 1, 3, 4])
+        return smoother.filtered(own, some, jumps, vectors), tested
+
+    assert smoother._library() is not None
+    compiled, tested = both()
+    monkeypatch.setattr(smoother, "_library", lambda: None)
+    plain, expected = both()
+    for part, other in zip(astuple(compiled), astuple(plain), strict=True):
+        np.testing.assert_allclose(part, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
+    for part, other in zip(tested, expected, strict=True):
+        np.testing.assert_allclose(part, other, rtol=1e-12, atol=1e-12)
+    assert (expected[1] > 0).any()
