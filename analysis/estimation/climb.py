@@ -220,11 +220,7 @@ class Climb:
         self.of = np.arange(rows) if of is None else of
         self._held = held
         self._compiled = compiled_climb(density, self.coordinates) if held is None else None
-        parameters = density.problem.parameters
-        local = np.where(np.array([item.unit for item in parameters.items]) == "deg", _TURN, _SHIFT)
-        local = np.where(parameters.group("offset"), local, np.inf)
-        self._noise = parameters.group("noise")[parameters.free]
-        self._longest = (local / parameters.prior_std)[parameters.free]
+        self._noise, self._longest = _noise_and_longest(density)
 
     def up(self, v: Matrix, most: int = MOST_STEPS) -> Minima:
         """From v (W, f) to where no step promises more than rounding of the log-posterior, in at most so many
@@ -361,6 +357,15 @@ class Climb:
         slopes = slopes.reshape(count, 2, size, size)
         hessian = (slopes[:, 0] - slopes[:, 1]) @ root / (2 * _DIFFERENCE)
         return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)
+
+
+@lru_cache(maxsize=8)
+def _noise_and_longest(density: Density) -> tuple[NDArray[np.bool_], Matrix]:
+    """(f,) which of a density's free parameters are noise, and the longest step of each."""
+    parameters = density.problem.parameters
+    local = np.where(np.array([item.unit for item in parameters.items]) == "deg", _TURN, _SHIFT)
+    local = np.where(parameters.group("offset"), local, np.inf)
+    return parameters.group("noise")[parameters.free], (local / parameters.prior_std)[parameters.free]
 
 
 def _uphill(curvature: Matrix, slope: Matrix) -> Matrix:

@@ -223,6 +223,8 @@ def _best_of(problem: Problem, fits: Fits, first: int, starts: int) -> Likelihoo
     best = first + int(_best_start(fits.converged[None, rows], fits.log_posterior[None, rows])[0])
     basins = [best]
     for row in range(first, first + starts):
+        if row == best:
+            continue
         near = fits.log_posterior[row] >= fits.log_posterior[best] - _WORTH_TELLING
         if fits.converged[row] and near and all(_apart(fits, row, known) for known in basins):
             basins.append(row)
@@ -397,9 +399,11 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
 def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
     climb = Climb(density, of, len(start))
     minima = climb.up(climb.coordinates.from_parameters(start, of))
-    first, tops = np.unique(_same_top(minima, of), return_inverse=True)
-    of = of[first]
-    top = Climb(density, of, len(first)).polished(minima.of_rows(first))
+    tops = _same_top(minima, of)
+    first = np.flatnonzero(tops == np.arange(len(tops)))
+    if len(first) < len(start):
+        of, minima = of[first], minima.of_rows(first)
+    top = Climb(density, of, len(first)).polished(minima)
     x, by_v = climb.coordinates.at(top.v, of)
     covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1)
     weight = unbiased_weight(density, x, of)
@@ -414,7 +418,7 @@ def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
         top.value,
         top.gradient,
     )
-    return fits if len(first) == len(start) else fits.of_rows(tops)
+    return fits if len(first) == len(start) else fits.of_rows(np.searchsorted(first, tops))
 
 
 def _same_top(minima: Minima, of: Index) -> Index:
@@ -423,13 +427,14 @@ def _same_top(minima: Minima, of: Index) -> Index:
     tops: dict[int, list[int]] = {}
     for row in np.flatnonzero(minima.converged).tolist():
         known = tops.setdefault(int(of[row]), [])
-        way = minima.x[known] - minima.x[row]
-        apart = np.einsum("ki,kij,kj->k", way, minima.curvature[known], way)
-        near = np.flatnonzero(apart < _SAME_TOP**2)
-        if len(near):
-            same[row] = known[near[0]]
-        else:
-            known.append(row)
+        if known:
+            way = minima.x[known] - minima.x[row]
+            apart = np.einsum("ki,kij,kj->k", way, minima.curvature[known], way)
+            near = np.flatnonzero(apart < _SAME_TOP**2)
+            if len(near):
+                same[row] = known[near[0]]
+                continue
+        known.append(row)
     return same
 
 

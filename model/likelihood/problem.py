@@ -668,11 +668,13 @@ class Problem:
         """(W, K, 3) of each target the point nearest to its beams, at recorded `joints` (W or 1, N, n)."""
         start = self.split(self.parameters.prior_mean).targets
         rows, shots = len(parts.arm), self.shots
-        beams = self.functions.kernel("beam")(
-            np.broadcast_to(joints, (rows, shots, self.robot.n)).reshape(rows * shots, -1),
-            np.repeat(parts.arm, shots, axis=0),
-            np.repeat(parts.tool, shots, axis=0),
-        )
+        of_each = (parts.arm, parts.tool)
+        if rows == 1:
+            arm, tool = (part[0] for part in of_each)
+        else:
+            arm, tool = (np.repeat(part, shots, axis=0) for part in of_each)
+            joints = np.broadcast_to(joints, (rows, shots, self.robot.n))
+        beams = self.functions.kernel("beam")(joints.reshape(rows * shots, -1), arm, tool)
         origin, direction = (part.reshape(rows, shots, 3) for part in beams)
         across = np.eye(3) - direction[..., :, None] * direction[..., None, :]
         result = np.empty((len(parts.arm), len(self.targets) - self.stations, 3))
