@@ -22,7 +22,7 @@ from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special  # scipy.stats has the same, and takes a second to come
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.run import UNKNOWNS
@@ -298,16 +298,16 @@ def power(predicted: PredictedResiduals, noncentrality: float) -> float:
     if k == 0:
         return 0.0
     if dof is None:
-        return float(stats.ncx2.sf(_critical(k, dof) * k, k, noncentrality))
-    return float(stats.ncf.sf(_critical(k, dof), k, dof, noncentrality))
+        return float(1 - special.chndtr(_critical(k, dof) * k, k, noncentrality))
+    return float(1 - special.ncfdtr(k, dof, noncentrality, _critical(k, dof)))
 
 
 @cache
 def _critical(k: int, noise_dof: int | None) -> float:
     """The limit of chi-squared over k: exceeded with the probability `FALSE_ALARM` without an error."""
     if noise_dof is None:
-        return float(stats.chi2.isf(FALSE_ALARM, k) / k)
-    return float(stats.f.isf(FALSE_ALARM, k, noise_dof))
+        return float(special.chdtri(k, FALSE_ALARM) / k)
+    return float(special.fdtri(k, noise_dof, 1 - FALSE_ALARM))
 
 
 def accept(

@@ -45,14 +45,14 @@ def due_after(drift: Drift, sensitivity_mm2: Matrix, tolerance_mm: float) -> flo
     at_now, grown = (by_now * now).sum(axis=1), (by_rates * drawn_rates).sum(axis=1)
     mixed = (by_now * drawn_rates).sum(axis=1) + (by_rates * now).sum(axis=1)
 
-    place = LEVEL * (len(at_now) - 1)
-    before = math.floor(place)
+    rank = LEVEL * (len(at_now) - 1)
+    below = math.floor(rank)
 
     def error_mm(years: float) -> float:
         squared = at_now + np.sqrt(years) * mixed + years * grown
         # The quantile, as numpy's, which takes ten times as long.
-        low, high = np.partition(squared, (before, before + 1))[before : before + 2].tolist()
-        return math.sqrt(max(low + (high - low) * (place - before), 0.0))
+        low, high = np.partition(squared, (below, below + 1))[below : below + 2].tolist()
+        return math.sqrt(max(low + (high - low) * (rank - below), 0.0))
 
     if error_mm(0.0) > tolerance_mm:
         return 0.0

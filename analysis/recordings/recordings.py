@@ -35,6 +35,7 @@ from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 import scipy
+from numpy.polynomial import chebyshev
 
 from ...model.arrays import NORMAL_95, Index, Mask, Matrix
 from ...model.likelihood.problem import Problem
@@ -86,7 +87,7 @@ def placements(problem: Problem) -> tuple[Placement, ...]:
 _NOTHING = 1e-18  # a correlation below rounding
 SIGNIFICANCE = 0.01  # p-value below which a correlation is used
 _FEWEST = 4  # measurements of a recording with a correlation of its own
-_LIMIT = 0.98  # of a correlation, either way
+_LIMIT, _SOLVED = 0.98, 1e-12  # of a correlation, either way; of its share of the limit
 _ANGLES = (np.arange(20) + 0.5) * np.pi / 20
 _NODES = np.tanh(np.arctanh(_LIMIT) * np.cos(_ANGLES))  # Chebyshev's, of artanh rho / artanh of the limit
 _SERIES = np.cos(np.arange(20)[:, None] * _ANGLES) * np.where(np.arange(20) > 0, 2, 1)[:, None] / 20
@@ -483,14 +484,19 @@ def rho_of(lags: Sequence[RecordingLag]) -> float:
 def _solved(lags: Sequence[RecordingLag], ratio: float) -> float:
     """The correlation for which the ratio of the expected sums is this one; the limit if it is beyond."""
     series = np.sum([lag.products - ratio * lag.squares for lag in lags], axis=0)
-
-    def difference(share: float) -> float:
-        return float(np.polynomial.chebyshev.chebval(share, series))
-
+    slopes = chebyshev.chebder(series)
     for end in (-1.0, 1.0):
-        if end * difference(end) <= 0:
+        if end * float(chebyshev.chebval(end, series)) <= 0:
             return end * _LIMIT
-    return float(np.tanh(np.arctanh(_LIMIT) * scipy.optimize.brentq(difference, -1.0, 1.0)))
+    low, high, share, step = -1.0, 1.0, 0.0, 1.0
+    while abs(step) > _SOLVED:  # Newton's steps; where one leaves the interval that the root is in, bisection
+        value, slope = (float(chebyshev.chebval(share, each)) for each in (series, slopes))
+        low, high = (share, high) if value < 0 else (low, share)
+        step = -value / (slope or 1.0)
+        if not low < share + step < high:
+            step = (low + high) / 2 - share
+        share += step
+    return float(np.tanh(np.arctanh(_LIMIT) * share))
 
 
 def _ratio(lags: Sequence[RecordingLag]) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ..arrays import Matrix
 from .pendant import beyond_limits
@@ -56,7 +56,8 @@ def is_singular(robot: Robot, joints: Matrix) -> bool:
 def _errors(robot: Robot, poses: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
     """(N, 6) shift and rotation left to poses (N, 4, 4), and (N, 6, n) what the joints do to them."""
     now, jacobian = robot.pose_and_jacobian(joints)
-    turn = Rotation.from_matrix(poses[:, :3, :3] @ now[:, :3, :3].transpose(0, 2, 1)).as_rotvec()
+    turned = poses[:, :3, :3] @ now[:, :3, :3].transpose(0, 2, 1)
+    turn = scipy.spatial.transform.Rotation.from_matrix(turned).as_rotvec()
     shift = (poses[:, :3, 3] - now[:, :3, 3]) / _LENGTH
     scaled = jacobian.copy()
     scaled[:, :3] /= _LENGTH

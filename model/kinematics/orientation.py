@@ -9,7 +9,7 @@ from functools import partial
 from typing import Annotated
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ..arrays import Matrix
 from ..errors import BadInput
@@ -26,7 +26,7 @@ def angles_of(rotation: Matrix, axes: str = "xyz") -> Three:
     is 0 where the first and the third turn about one axis."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
-        angles = Rotation.from_matrix(rotation).as_euler(axes)
+        angles = scipy.spatial.transform.Rotation.from_matrix(rotation).as_euler(axes)
     return _three(np.where(angles < -_HALF_TURN, np.pi, angles))
 
 
@@ -63,7 +63,7 @@ class Orientation:
 
 def orientation(rotation: Matrix) -> Orientation:
     """The forms of a rotation matrix (3, 3)."""
-    turn = Rotation.from_matrix(rotation)
+    turn = scipy.spatial.transform.Rotation.from_matrix(rotation)
     x, y, z, w = (turn.as_quat(canonical=True) + 0.0).tolist()
     roll_pitch_yaw, xyz, zyz = (
         _three(np.degrees(angles_of(rotation, axes))) for axes in ("xyz", "XYZ", "ZYZ")
@@ -90,15 +90,15 @@ from_zyz = partial(from_angles, "ZYZ")  # Kawasaki's O, A, T
 def from_quaternion(values: Sequence[float]) -> Matrix:
     """(4, 4) of x, y, z (mm) and (w, x, y, z), of any length but 0."""
     x, y, z, w, *vector = values
-    return _placed((x, y, z), Rotation.from_quat([*vector, w]))
+    return _placed((x, y, z), scipy.spatial.transform.Rotation.from_quat([*vector, w]))
 
 
 def from_rotation_vector(values: Sequence[float]) -> Matrix:
     """(4, 4) of a URScript pose: metres, radians."""
-    return _placed(1000 * np.array(values[:3]), Rotation.from_rotvec(values[3:]))
+    return _placed(1000 * np.array(values[:3]), scipy.spatial.transform.Rotation.from_rotvec(values[3:]))
 
 
-def _placed(xyz_mm: Sequence[float] | Matrix, turn: Rotation) -> Matrix:
+def _placed(xyz_mm: Sequence[float] | Matrix, turn: scipy.spatial.transform.Rotation) -> Matrix:
     result = shift(*xyz_mm)
     result[:3, :3] = turn.as_matrix()
     return result
