@@ -155,37 +155,41 @@ def test_a_saved_file_of_a_newer_maker_is_imported_without_a_word_of_it_in_the_p
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("size", SCREENS)
-def test_the_page_loads_from_the_server_alone_and_leaves_nobody_out(folder: Path, size: str) -> None:
-    with page(folder, SCREENS[size]) as tab:
-        for state in ("empty", "mapped", "dwells", "tried", "form"):
-            if state == "mapped":
-                drop(tab, ("shots.csv", SHOTS))
-                read(tab)
-                header(tab)
-                take_all(tab, by_touch=SCREENS[size] is PHONE)
-            elif state == "dwells":
-                give(tab, option("measured"), "dwells")
-            elif state == "tried":
-                give(tab, option("measured"), "rows")
-                assert tried(tab) == ""
-                assert "joint 1 (joint1): -12.00 to 40.00 deg" in tab.text
-            elif state == "form":
-                give(tab, select("Header or plan"), "\0new")
-                wait(tab, "document.querySelectorAll('.header-form input').length > 5")
-                tab.value("document.querySelectorAll('.import details').forEach((d) => { d.open = true; })")
-                tab.value("document.querySelectorAll('.import details > button').forEach((b) => b.click())")
-            assert tab.accessibility() == [], state
-            assert tab.overflow() == 0, state
-            buttons = ".import button, .import select, .import label.check"
-            small = tab.value(
-                f"[...document.querySelectorAll('{buttons}')].filter("
-                "(e) => e.offsetParent && e.getBoundingClientRect().height < 39).map((e) => e.outerHTML)"
-            )
-            assert small == [], state
-        assert tab.console == []
-        assert [url for url in tab.asked if not url.startswith(root(tab.address))] == []
-    assert not (folder / "shots/run.jsonl").exists()
+def test_the_page_loads_from_the_server_alone_and_leaves_nobody_out(folder: Path) -> None:
+    for size in SCREENS.values():
+        with page(folder, size) as tab:
+            for state in ("empty", "mapped", "dwells", "tried", "form"):
+                if state == "mapped":
+                    drop(tab, ("shots.csv", SHOTS))
+                    read(tab)
+                    header(tab)
+                    take_all(tab, by_touch=size is PHONE)
+                elif state == "dwells":
+                    give(tab, option("measured"), "dwells")
+                elif state == "tried":
+                    give(tab, option("measured"), "rows")
+                    assert tried(tab) == ""
+                    assert "joint 1 (joint1): -12.00 to 40.00 deg" in tab.text
+                elif state == "form":
+                    give(tab, select("Header or plan"), "\0new")
+                    wait(tab, "document.querySelectorAll('.header-form input').length > 5")
+                    tab.value(
+                        "document.querySelectorAll('.import details').forEach((d) => { d.open = true; })"
+                    )
+                    tab.value(
+                        "document.querySelectorAll('.import details > button').forEach((b) => b.click())"
+                    )
+                assert tab.accessibility() == [], state
+                assert tab.overflow() == 0, state
+                buttons = ".import button, .import select, .import label.check"
+                small = tab.value(
+                    f"[...document.querySelectorAll('{buttons}')].filter("
+                    "(e) => e.offsetParent && e.getBoundingClientRect().height < 39).map((e) => e.outerHTML)"
+                )
+                assert small == [], state
+            assert tab.console == []
+            assert [url for url in tab.asked if not url.startswith(root(tab.address))] == []
+        assert not (folder / "shots/run.jsonl").exists()
 
 
 @pytest.mark.long

@@ -142,38 +142,47 @@ def test_a_plan_with_changes_is_saved_before_it_is_measured_or_measured_as_it_wa
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("size", SCREENS)
-def test_a_run_is_stopped_from_elsewhere_reloaded_and_resumed(server: App, folder: Path, size: str) -> None:
+def test_a_run_is_stopped_from_elsewhere_reloaded_and_resumed(server: App, folder: Path) -> None:
     """On each screen; by touch where there is no mouse. It leaves nobody out before, while, and after."""
-    with measure(server, "long.yaml", size=SCREENS[size]) as tab:
-        assert (tab.accessibility(), tab.overflow()) == ([], 0)
-        start(tab)
-        wait(tab, ROWS)
-        assert (tab.accessibility(), tab.overflow()) == ([], 0)
-        tab.reload()
-        wait(tab, f"{UNDER_WAY} && {ROWS}")
-        tab.value("location.hash = '#/job/cell/plan/cell/two.yaml'")
-        wait(tab, "document.querySelector('.plan-bar')")
-        if size == "laptop":
-            tab.key("Escape")
-        else:
-            touch(tab, "document.querySelector('.stop')")
-        wait(tab, "!document.querySelector('.stop-bar')")
-        kept = len(read_run(folder / "cell" / "long-run.jsonl").shots)
-        assert 0 < kept < POSTURES
-        tab.value("location.hash = '#/job/cell/measure'")
-        wait(tab, f"{NOW}.startsWith('Stopped. {kept} measurement')")
-        wait(tab, RESUME)
-        assert (tab.accessibility(), tab.overflow()) == ([], 0)
-        if size == "laptop":
+    kept = 0
+    for size, screen in SCREENS.items():
+        with measure(server, "long.yaml", size=screen) as tab:
+            assert (size, tab.accessibility(), tab.overflow()) == (size, [], 0)
+            if kept:
+                wait(tab, RESUME)
+                click(tab, RESUME)
+                wait(tab, UNDER_WAY)
+            else:
+                start(tab)
+            wait(tab, ROWS)
+            assert (size, tab.accessibility(), tab.overflow()) == (size, [], 0)
+            tab.reload()
+            wait(tab, f"{UNDER_WAY} && {ROWS}")
+            tab.value("location.hash = '#/job/cell/plan/cell/two.yaml'")
+            wait(tab, "document.querySelector('.plan-bar')")
+            if size == "laptop":
+                tab.key("Escape")
+            else:
+                touch(tab, "document.querySelector('.stop')")
+            wait(tab, "!document.querySelector('.stop-bar')")
+            before, kept = kept, len(read_run(folder / "cell" / "long-run.jsonl").shots)
+            assert before <= kept < POSTURES
+            assert kept
+            tab.value("location.hash = '#/job/cell/measure'")
+            wait(tab, f"{NOW}.startsWith('Stopped. {kept} measurement')")
+            wait(tab, RESUME)
+            assert (size, tab.accessibility(), tab.overflow()) == (size, [], 0)
             assert f"{kept} of {POSTURES} recorded" in tab.text
-            click(tab, RESUME)
-            wait(tab, UNDER_WAY)
-            wait(tab, OVER, 120)
-            wait(tab, f"{NOW}.startsWith('{POSTURES} measurements are kept')")
-            assert (folder / "cell" / "long-run.jsonl").read_bytes() == unbroken(folder, "long.yaml")
+            assert tab.console == []
+            assert [url for url in tab.asked if not url.startswith(root(server.address))] == []
+    with chromium().opened(f"{server.address}#/job/cell/measure") as tab:
+        wait(tab, RESUME)
+        click(tab, RESUME)
+        wait(tab, UNDER_WAY)
+        wait(tab, OVER, 120)
+        wait(tab, f"{NOW}.startsWith('{POSTURES} measurements are kept')")
         assert tab.console == []
-        assert [url for url in tab.asked if not url.startswith(root(server.address))] == []
+    assert (folder / "cell" / "long-run.jsonl").read_bytes() == unbroken(folder, "long.yaml")
 
 
 @pytest.mark.long

@@ -66,18 +66,6 @@ def content(path: Path) -> Any:
     return yaml.safe_load(path.read_text())
 
 
-def test_the_frame_is_shown_before_the_folder_has_been_read(address: str) -> None:
-    held: list[Any] = []
-    with plan(address) as tab:
-        tab.on(lambda frame: frame.page.route("**/api/home", lambda route: held.append(route)))
-        tab.reload()
-        wait(tab, "document.querySelector('.rail') && document.querySelector('main [role=status]')")
-        assert tab.value("document.querySelector('header h1').textContent") == "cell"
-        assert "no calibration of this name" not in tab.text
-        tab.on(lambda frame: [route.continue_() for route in held])
-        wait(tab, CHECKED)
-
-
 def test_a_calibration_is_found_opened_changed_and_left(address: str) -> None:
     with chromium().opened(address) as tab:
         wait(tab, "document.querySelectorAll('.calibrations li').length === 2")
@@ -88,6 +76,17 @@ def test_a_calibration_is_found_opened_changed_and_left(address: str) -> None:
         tab.on(lambda page: page.locator(".calibrations a").click())
         wait(tab, CHECKED)
         assert tab.value("location.hash").startswith("#/job/cell/plan/cell/")
+        # The frame is shown before the folder has been read.
+        held: list[Any] = []
+        hold = [held.append]
+        tab.on(lambda frame: frame.page.route("**/api/home", lambda route: hold[0](route)))
+        tab.reload()
+        wait(tab, "document.querySelector('.rail') && document.querySelector('main [role=status]')")
+        assert tab.value("document.querySelector('header h1').textContent") == "cell"
+        assert "no calibration of this name" not in tab.text
+        hold[0] = lambda route: route.continue_()
+        tab.on(lambda frame: [route.continue_() for route in held])
+        wait(tab, CHECKED)
         fill(tab, "J1, °", "10")
         press(tab, "All calibrations", "link")
         wait(tab, "document.querySelector('dialog[open]')")
@@ -180,7 +179,16 @@ def test_a_plan_that_is_not_there_comes_goes_and_is_written_again(folder: Path, 
         wait(tab, "document.querySelector('dialog[open]')")
         press(tab, "Write the file again")
         wait(tab, saved)
-    assert content(path)["postures_deg"][0][0] == 10
+        assert content(path)["postures_deg"][0][0] == 10
+        # Deleted with changes before it is opened: the draft is.
+        fill(tab, "J1, °", "20")
+        wait(tab, f"{CHECKED} && !({saved})")
+        path.unlink()
+        tab.reload()
+        wait(tab, "document.querySelector('dialog[open]')")
+        press(tab, "Write the file again")
+        wait(tab, saved)
+    assert content(path)["postures_deg"][0][0] == 20
 
 
 def test_two_tabs_do_not_write_over_each_other(folder: Path, address: str) -> None:

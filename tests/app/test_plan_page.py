@@ -150,8 +150,41 @@ def test_joints_are_as_the_pendant_counts_them(folder: Path, address: str) -> No
         assert ["postures_deg / 0 / J3", "7.25", "4.939"] in rows
 
 
+def _over_a_joint(tab: Tab) -> tuple[float, float]:
+    """Where the pointer meets a body that can be turned, on the grid of the picture."""
+    box = tab.value(
+        f"(({{x, y, width, height}}) => [x, y, width, height])({PICTURE}.getBoundingClientRect())"
+    )
+    for row in range(3, 20):
+        for column in range(4, 20):
+            x, y = box[0] + box[2] * column / 24, box[1] + box[3] * row / 24
+            tab.on(lambda frame, x=x, y=y: frame.page.mouse.move(x, y))
+            if tab.value(f"{PICTURE}.classList.contains('over')"):
+                return x, y
+    raise AssertionError("no body of the arm is under the pointer anywhere")
+
+
 @pytest.mark.long
-def test_an_obstacle_is_moved_in_the_list_and_in_the_picture_and_undone(tab: Tab) -> None:
+def test_a_joint_and_an_obstacle_are_moved_in_the_picture_and_undone(tab: Tab) -> None:
+    before = tab.value(CONTENT)["postures_deg"]
+    x, y = _over_a_joint(tab)
+
+    def drag(frame: Any) -> None:
+        mouse = frame.page.mouse
+        mouse.down()
+        mouse.move(x + 30, y + 25, steps=4)
+        mouse.up()
+
+    tab.on(drag)
+    wait(tab, UNSAVED)
+    after = tab.value(CONTENT)["postures_deg"]
+    assert after[1:] == before[1:]
+    assert sum(a != b for a, b in zip(after[0], before[0], strict=True)) == 1
+    wait(tab, CHECKED)
+    press(tab, "Undo")
+    assert tab.value(CONTENT)["postures_deg"] == before
+    assert not tab.value(UNSAVED)
+    # An obstacle of the list, too.
     tab.value("location.hash = '#/job/cell/cell/cell/plan.yaml'")
     wait(tab, f"document.querySelector('.target input') && {PICTURE}")
     unfold(tab, "Obstacles")
@@ -182,42 +215,6 @@ def test_an_obstacle_is_moved_in_the_list_and_in_the_picture_and_undone(tab: Tab
     assert field(tab, LOWEST_X) == start
 
 
-def _over_a_joint(tab: Tab) -> tuple[float, float]:
-    """Where the pointer meets a body that can be turned, on the grid of the picture."""
-    box = tab.value(
-        f"(({{x, y, width, height}}) => [x, y, width, height])({PICTURE}.getBoundingClientRect())"
-    )
-    for row in range(3, 20):
-        for column in range(4, 20):
-            x, y = box[0] + box[2] * column / 24, box[1] + box[3] * row / 24
-            tab.on(lambda frame, x=x, y=y: frame.page.mouse.move(x, y))
-            if tab.value(f"{PICTURE}.classList.contains('over')"):
-                return x, y
-    raise AssertionError("no body of the arm is under the pointer anywhere")
-
-
-@pytest.mark.long
-def test_a_joint_is_turned_in_the_picture_and_undone(tab: Tab) -> None:
-    before = tab.value(CONTENT)["postures_deg"]
-    x, y = _over_a_joint(tab)
-
-    def drag(frame: Any) -> None:
-        mouse = frame.page.mouse
-        mouse.down()
-        mouse.move(x + 30, y + 25, steps=4)
-        mouse.up()
-
-    tab.on(drag)
-    wait(tab, UNSAVED)
-    after = tab.value(CONTENT)["postures_deg"]
-    assert after[1:] == before[1:]
-    assert sum(a != b for a, b in zip(after[0], before[0], strict=True)) == 1
-    wait(tab, CHECKED)
-    press(tab, "Undo")
-    assert tab.value(CONTENT)["postures_deg"] == before
-    assert not tab.value(UNSAVED)
-
-
 @pytest.mark.long
 def test_plans_are_made_and_opened(folder: Path, tab: Tab) -> None:
     unfold(tab, "Make another plan")
@@ -229,7 +226,8 @@ def test_plans_are_made_and_opened(folder: Path, tab: Tab) -> None:
             unfold(tab, "Constraints and search")
             fill(tab, "Candidates", "300")
         press(tab, "Make the plan")
-        wait(tab, f"location.hash.endsWith('/plan/cell/{kind}.yaml') && {CHECKED}", 180)
+        opened = f"location.hash.endsWith('/plan/cell/{kind}.yaml')"
+        wait(tab, f"{opened} && document.querySelectorAll('.strip li').length === 8 && {CHECKED}", 180)
         assert len(yaml.safe_load((folder / "cell" / f"{kind}.yaml").read_text())["postures_deg"]) == 8
         assert "8 measurements" in tab.text
 

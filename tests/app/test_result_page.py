@@ -208,15 +208,16 @@ def address(folder: Path) -> Iterator[str]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("size", SCREENS)
-def test_it_loads_from_the_server_alone_and_leaves_nobody_out(address: str, size: str) -> None:
-    for name in ("arm0", "odd"):
-        with result(address, name, size=SCREENS[size]) as tab:
-            tab.value("document.querySelectorAll('.fold > summary').forEach((e) => e.click())")
-            tab.value(f"{box(1)}.click()")
-            wait(tab, "document.querySelector('.without')")
-            assert (name, tab.accessibility(), tab.overflow(), problems(tab)) == (name, [], 0, [])
-            assert [url for url in tab.asked if not url.startswith((root(address), "blob:"))] == []
+def test_it_loads_from_the_server_alone_and_leaves_nobody_out(address: str) -> None:
+    for size in SCREENS.values():
+        for name in ("arm0", "odd"):
+            with result(address, name, size=size) as tab:
+                tab.value("document.querySelectorAll('.fold > summary').forEach((e) => e.click())")
+                tab.value(f"{box(1)}.click()")
+                wait(tab, "document.querySelector('.without')")
+                seen = (tab.accessibility(), tab.overflow(), problems(tab))
+                assert (name, size, *seen) == (name, size, [], 0, [])
+                assert [url for url in tab.asked if not url.startswith((root(address), "blob:"))] == []
 
 
 @pytest.mark.long
@@ -263,38 +264,48 @@ def _drag(tab: Tab, touch: bool) -> None:
         tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, button="left", clickCount=1)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("by", ["mouse", "touch", "keyboard"])
-def test_draws_are_chosen_and_the_residuals_follow(quick: str, by: str) -> None:
-    with result(quick, "good", size=PHONE if by == "touch" else LAPTOP) as tab:
+def _choose(tab: Tab, by: str) -> None:
+    """Draws are chosen by a region, and none at last."""
+    wait(tab, "document.querySelector('.offsets')")
+    if tab.value("document.querySelector('.pairs canvas')") is None:
         unfold(tab, "Posterior of the offsets, pair by pair")
         wait(tab, "document.querySelector('.pairs canvas')?.width > 300")
         unfold(tab, "Choose draws by numbers")
-        if by == "keyboard":
-            tab.value("document.querySelector('.pairs canvas').focus()")
-            for _ in range(6):
-                tab.key("ArrowRight")
-        else:
-            _drag(tab, by == "touch")
-        wait(tab, f"{CHANGES}.some((text) => text !== '' && Number(text.replace('−', '-')) !== 0)")
-        assert "draws are chosen" in tab.value(CHOSEN)
-        fields = "[...document.querySelectorAll('.ranges input')]"
-        assert tab.value(f"{fields}.filter((e) => e.value).length") == 4  # from and to, of two offsets
-        if by == "keyboard":
-            tab.key("Escape")
-        else:
-            tab.value(f"{button('Choose no draws')}.click()")
-        wait(tab, f"{CHOSEN} === ''")
-        assert tab.value(CHANGES) == []
-        if by == "mouse":  # a measurement alone shows its shift as an arrow
-            before = tab.value(DRAWN)
-            shift = "document.querySelector('.measurements [data-shot=\"0\"] button')"
-            tab.value(f"{shift}.click()")
-            wait(tab, "document.body.innerText.includes('Arrow: the estimates without measurement 0')")
-            wait(tab, f"{DRAWN} !== {before!r}")
-            assert tab.value("document.querySelector('.refit')") is None
-            tab.value(f"{shift}.click()")
-            wait(tab, f"{DRAWN} === {before!r}")
+    if by == "keyboard":
+        tab.value("document.querySelector('.pairs canvas').focus()")
+        for _ in range(6):
+            tab.key("ArrowRight")
+    else:
+        _drag(tab, by == "touch")
+    wait(tab, f"{CHANGES}.some((text) => text !== '' && Number(text.replace('−', '-')) !== 0)")
+    assert "draws are chosen" in tab.value(CHOSEN)
+    fields = "[...document.querySelectorAll('.ranges input')]"
+    assert tab.value(f"{fields}.filter((e) => e.value).length") == 4  # from and to, of two offsets
+    if by == "keyboard":
+        tab.key("Escape")
+    else:
+        tab.value(f"{button('Choose no draws')}.click()")
+    wait(tab, f"{CHOSEN} === ''")
+    assert tab.value(CHANGES) == []
+
+
+@pytest.mark.long
+def test_draws_are_chosen_and_the_residuals_follow(quick: str) -> None:
+    """By mouse, by keyboard and by touch."""
+    with result(quick, "good") as tab:
+        _choose(tab, "mouse")
+        # A measurement alone shows its shift as an arrow.
+        before = tab.value(DRAWN)
+        shift = "document.querySelector('.measurements [data-shot=\"0\"] button')"
+        tab.value(f"{shift}.click()")
+        wait(tab, "document.body.innerText.includes('Arrow: the estimates without measurement 0')")
+        wait(tab, f"{DRAWN} !== {before!r}")
+        assert tab.value("document.querySelector('.refit')") is None
+        tab.value(f"{shift}.click()")
+        wait(tab, f"{DRAWN} === {before!r}")
+        _choose(tab, "keyboard")
+    with result(quick, "good", size=PHONE) as tab:
+        _choose(tab, "touch")
 
 
 @pytest.mark.long
@@ -421,23 +432,24 @@ class _Thing:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("ours", [True, False])
-def test_a_notebook_of_this_machine_frames_its_own_app_alone(quick: str, reported: Path, ours: bool) -> None:
-    def write(folder: Path) -> str:
-        shutil.copytree(reported, folder, dirs_exist_ok=True)
-        return "good/result.json"
+def test_a_notebook_of_this_machine_frames_its_own_app_alone(quick: str, reported: Path) -> None:
+    for ours in (True, False):
 
-    view = app_of(_Thing(), "result", write) if ours else AppView(f"{quick}#/job/good/result")
-    html = f"<!doctype html><title>notebook</title>{view._repr_html_()}"
-    page = type("Page", (_Notebook,), {"content": html})
-    with ThreadingHTTPServer(("127.0.0.1", 0), page) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            with chromium().opened(f"http://localhost:{server.server_port}/") as tab:
-                time.sleep(2)
-                refused = [said for said in tab.console if "frame" in said]
-                assert bool(refused) != ours, tab.console
-                if ours:  # by a cookie of a frame of another site: a name and an address are two
-                    wait(tab.frame(root(view.address)), "document.querySelector('.offsets')")
-        finally:
-            server.shutdown()
+        def write(folder: Path) -> str:
+            shutil.copytree(reported, folder, dirs_exist_ok=True)
+            return "good/result.json"
+
+        view = app_of(_Thing(), "result", write) if ours else AppView(f"{quick}#/job/good/result")
+        html = f"<!doctype html><title>notebook</title>{view._repr_html_()}"
+        page = type("Page", (_Notebook,), {"content": html})
+        with ThreadingHTTPServer(("127.0.0.1", 0), page) as server:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            try:
+                with chromium().opened(f"http://localhost:{server.server_port}/") as tab:
+                    time.sleep(2)
+                    refused = [said for said in tab.console if "frame" in said]
+                    assert bool(refused) != ours, tab.console
+                    if ours:  # by a cookie of a frame of another site: a name and an address are two
+                        wait(tab.frame(root(view.address)), "document.querySelector('.offsets')")
+            finally:
+                server.shutdown()

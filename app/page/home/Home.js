@@ -97,7 +97,8 @@ export function Home() {
                   one.instrument].filter(Boolean)
                   .join(" · ")}</small></span>
             <span class=${`state ${one.state.kind}`}><span>${one.state.text}</span>
-              ${one.simulated && html`<small class="simulated">SIMULATED</small>`}</span>
+              ${one.simulated && !RESULTS.includes(one.state.kind)
+                && html`<small class="simulated">SIMULATED</small>`}</span>
             <span class=${`due${one.due?.overdue ? " overdue" : ""}`}>${one.due?.text ?? ""}</span>
             <time datetime=${one.modified}>${one.modified.slice(0, 16).replace("T", " ")}</time>
           </a></li>`)}

@@ -162,7 +162,11 @@ export function Measure() {
         caption=${following && shown.chosen !== null
           ? `The arm as it was sent${seen.arm?.lit ? ", with the beam as it is believed to be" : ""}.`
           : "The plan’s postures, as the servo will leave them."} />`
-    : html`<p class="muted centred">${plan ? "…" : "No plan to carry out yet."}</p>`;
+    : plan ? html`<p class="muted centred">…</p>`
+    : html`
+      <p class="muted centred nothing">
+        ${record.value ? "The plan of this run is not here: its postures are not drawn."
+          : "No plan to carry out yet."}</p>`;
   const inspector = html`
     ${missing.value && html`<p class="error" role="alert">${missing.value}</p>`}
     ${underWay.value && !following && html`
