@@ -57,6 +57,9 @@ export const bytes = (n) => (n < 1e3 ? `${n} bytes` : n < 1e6 ? `${fixed(n / 1e3
 /** @param {number} s */
 export const duration = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : `${Math.round(s / 60)} min`);
 
+/** An option of a command, as the label of a field. @param {string} flag */
+export const flagWords = (flag) => capital(flag.replace(/^--/, "").replaceAll("-", " "));
+
 /** Expanded uncertainties, of which factor. @param {number} k */
 export const expandedWord = (k) => `U (k = ${Number(k.toPrecision(3))})`;
 

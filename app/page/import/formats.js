@@ -2,6 +2,7 @@
 // those of the makers' readers, as the server has them.
 import { computed, signal } from "@preact/signals";
 import { get } from "../core/api.js";
+import { flagWords } from "../core/words.js";
 import { recordings } from "./sources.js";
 
 /** @typedef {import("./types.js").Found} Found */
@@ -164,8 +165,7 @@ export const optionOf = (key) => options.value[key];
 export function factsOf(key) {
   const facts = OPTIONS[`${format.value} ${key}`] ?? OPTIONS[key], option = options.value[key];
   if (facts || !option) return facts ?? { label: key };
-  const label = key.replace(/^--/, "").replaceAll("-", " ").replace(/^./, (first) => first.toUpperCase());
-  return { label, help: option.help, none: option.required ? "choose" : "not stated",
+  return { label: flagWords(key), help: option.help, none: option.required ? "choose" : "not stated",
     words: option.choices.length ? () => option.choices.map((word) => [word, word]) : undefined };
 }
 

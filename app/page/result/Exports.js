@@ -5,6 +5,7 @@ import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
 import { get } from "../core/api.js";
 import { calibration, failed, files, freeName } from "../core/store.js";
+import { flagWords } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { Form } from "../parts/Form.js";
@@ -17,10 +18,6 @@ import { Risks } from "./Risks.js";
 /** @typedef {import("answers").ExportForm} ExportForm */
 
 const forms = signal(/** @type {ExportForm[] | null} */ (null));
-
-/** @param {ExportOption} option */
-const labelOf = ({ flag }) =>
-  flag.replace(/^--/, "").replaceAll("-", " ").replace(/^./, (first) => first.toUpperCase());
 
 /** Forms to choose one of. @param {{list: ExportForm[], chosen: ExportForm, onForm: (name: string) => void}} props */
 const Formats = ({ list, chosen, onForm }) => list.map((one) => html`
@@ -36,9 +33,9 @@ function Stated({ option, value, onValue }) {
   return html`
     <div class="wide">
       ${words.length || option.file
-        ? html`<${Choice} label=${labelOf(option)} value=${value} none="not stated" items=${words}
+        ? html`<${Choice} label=${flagWords(option.flag)} value=${value} none="not stated" items=${words}
           onValue=${onValue} />`
-        : html`<${TextField} label=${labelOf(option)} value=${value} placeholder=${option.default ?? ""}
+        : html`<${TextField} label=${flagWords(option.flag)} value=${value} placeholder=${option.default ?? ""}
           onValue=${onValue} />`}
       <span class="help">${option.help}</span>
     </div>`;
