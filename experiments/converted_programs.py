@@ -251,7 +251,8 @@ def _converted(
         notes.append(
             f"The pendant counts joint 3 from the ground: at the same place it shows J3 {more:+.4f}."
         )
-    if frames.base is None and backup.reading.base is None:
+    poses = any(one.kind == "cartesian" for one in backup.reading.positions)
+    if poses and frames.base is None and backup.reading.base is None:
         notes.append(_ROBROOT)
     if judged is not None:
         notes += judged.warnings

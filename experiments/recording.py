@@ -428,9 +428,9 @@ def _answer(
         incomplete = f"Not complete: {missing_words(result.missing)}. "
     verifies = header.provenance.get(VERIFIES)
     if verifies is None:
-        summary, headline = message_so_far(state, file.name, header), headline_so_far(state)
+        summary, headline = message_so_far(state, file.as_posix(), header), headline_so_far(state)
     else:
-        summary = acceptance_plan_message(len(result.shots), str(verifies), file.name)
+        summary = acceptance_plan_message(len(result.shots), str(verifies), file.as_posix())
         headline = summary.verdict
     return Ended(
         file=file.name,

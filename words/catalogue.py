@@ -192,14 +192,25 @@ def _lack_of_fit(misfit: LackOfFit, case: RunCase) -> str:
 
 
 def _moved(kind: type[Displacement] | type[RecordingStep]) -> Callable[[RunCase], Iterator[Any]]:
-    """The targets that moved, but for those that the diagnosis names."""
+    """The targets that moved, but for those that the diagnosis names or that only seem to by what it leaves
+    out."""
 
     def find(case: RunCase) -> Iterator[Any]:
         best = case.diagnosis[0] if case.diagnosis else None
         named = best.targets if best is not None and best.cause == "moved_target" else ()
-        yield from (one for one in case.findings if isinstance(one, kind) and one.target not in named)
+        wrong = best.measurements if best is not None and best.cause == "measurements" else ()
+        for one in case.findings:
+            if isinstance(one, kind) and one.target not in named and not _only_by(one, wrong):
+                yield one
 
     return find
+
+
+def _only_by(moved: Displacement | RecordingStep, wrong: Sequence[int]) -> bool:
+    """Whether a target may seem to have moved by single measurements that are wrong."""
+    if isinstance(moved, Displacement):
+        return moved.alone in wrong
+    return any(moved.first_shot <= number <= moved.last_shot for number in wrong)
 
 
 def _analyse_apart(moved: Displacement, case: RunCase) -> str:

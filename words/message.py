@@ -209,6 +209,8 @@ def _saved_first(case: RunCase, action: Action) -> Action:
         return Action(
             f'{action.text} Save the run first: solution.run.write("{case.argument}").', action.command
         )
+    if not case.sound:  # nothing goes on with it
+        return Action(action.text, None)
     numbers_left_out = str(case.provenance[LEFT_OUT]).replace(" ", "")
     whole = run_argument(made_without(case.run))
     save = f"zerobeam analyse {whole} --drop {numbers_left_out} --save {case.argument}"

@@ -175,10 +175,14 @@ def helps_little(direction: NullDirection) -> bool:
     tried = direction.tried
     if tried is None:
         return remedy(direction.cause) == _PLAN_ANEW
-    weak = all(each.before is not None for each in tried.predicted) and any(
-        each.after > each.tolerance for each in tried.predicted
-    )
+    weak = all(each.before is not None for each in tried.predicted) and leaves_weak(direction)
     return tried.how == "tolerances" or weak
+
+
+def leaves_weak(direction: NullDirection) -> bool:
+    """Whether the change that was tried leaves something weakly observable."""
+    tried = direction.tried
+    return tried is not None and any(each.after > each.tolerance for each in tried.predicted)
 
 
 def direction_remedy(direction: NullDirection, name: Namer = str) -> str:

@@ -47,6 +47,7 @@ from .observability import (
     determined,
     direction_remedy,
     helps_little,
+    leaves_weak,
     over_target_sentence,
     reason,
     remaining,
@@ -153,7 +154,10 @@ def _why_each_in(one: Open, check: Check) -> str:
 
 def _change_plan(one: Open, check: Check) -> str:
     better = _better_postures(one, check)
-    return capital(direction_remedy(one.direction, person) if better is None else better.text)
+    if better is not None:
+        return capital(better.text)
+    text, at_once = capital(direction_remedy(one.direction, person)), _at_once(one, check)
+    return text if at_once is None else f"{text}. Or {at_once.text}"
 
 
 def _better_postures(one: Open, check: Check) -> BetterPostures | None:
@@ -161,8 +165,13 @@ def _better_postures(one: Open, check: Check) -> BetterPostures | None:
     return better_postures(check.outlook, one.row) if helps_little(one.direction) else None
 
 
+def _at_once(one: Open, check: Check) -> BetterPostures | None:
+    """The same where the change determines what was not determined, and leaves it weak."""
+    return better_postures(check.outlook, one.row) if leaves_weak(one.direction) else None
+
+
 def _plan_changed(one: Open, check: Check) -> str | None:
-    better = _better_postures(one, check)
+    better = _better_postures(one, check) or _at_once(one, check)
     return None if better is None else plan_command(planned_anew(check), better.row)
 
 

@@ -62,11 +62,14 @@ class Misreading:
 
 
 def misreadings(
-    problem: Problem, x: Matrix, base: HypothesisFit, number: int, slack: float
+    problem: Problem, x: Matrix, base: HypothesisFit, number: int, slack: float, scatter: float = 1.0
 ) -> tuple[Misreading, ...]:
     """The joints of one measurement of which one wrong value explains it, the likeliest first: those whose
     evidence is 20 : 1 over the values as recorded, and within 20 : 1 of the best. Arguments as of
-    `hypothesis_fits`."""
+    `hypothesis_fits`; `scatter` is how many times the noise the other measurements leave: no value can
+    explain more than leaving its measurement out, and each is so much more uncertain."""
+    scatter = max(scatter, 1.0)
+    slack = max(slack, scatter)
     at, linear = problem.shot_numbers.index(number), Linear(problem, x)
     fits = []
     for i, joint in enumerate(problem.robot.joints):
@@ -85,10 +88,15 @@ def misreadings(
         if evidence < np.log(DECIDED):
             continue
         recorded = round(float(problem.joints[at, i]) * display, 9)
-        one = Misreading(i + 1, unit, recorded, recorded + left.amount, left.u)
+        one = Misreading(i + 1, unit, recorded, recorded + left.amount, left.u * scatter)
         fits.append((evidence, replace(one, meant=meant(one))))
     fits.sort(key=lambda row: -row[0])
     return tuple(one for evidence, one in fits if evidence > fits[0][0] - np.log(DECIDED))
+
+
+def _scatter(without: Explanation) -> float:
+    """How many times the noise the others leave where a measurement is left out: once where they agree."""
+    return 1.0 if without.agrees else without.factor
 
 
 def _occam(value: float, information: float, size: float) -> float:
@@ -234,7 +242,7 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     if any(isinstance(one, RepeatsApart) for one in solution.misfit.criteria):
         fits = [fit for fit in fits if fit.cause in _MAKES_REPEATS_DIFFER]
     explained = tuple(
-        replace(one, readings=misreadings(problem, ended[0], base, one.measurements[0], slack))
+        replace(one, readings=misreadings(problem, ended[0], base, one.measurements[0], slack, _scatter(one)))
         if one.cause == "measurements" and len(one.measurements) == 1
         else one
         for one in _explanations(base, fits, slack, exact=not problem.geometry)

@@ -178,6 +178,8 @@ def _files(answer: Conversion) -> Table:
             moved, key=lambda row: np.inf if row.uncertainty_mm is None else row.uncertainty_mm, default=None
         )
         rows.append(_row(answer, [shown(file), str(len(of_file)), off, _u(worst)]))
+    if answer.command == "show":
+        return table_of("", ["file", "positions"], [Row(row.cells[:2]) for row in rows], "lr")
     return _table(answer, ["file", "positions", "off without it by up to, mm", _U], rows, "lrrr")
 
 

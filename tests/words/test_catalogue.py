@@ -405,3 +405,12 @@ def test_values_are_offered_of_a_pass_alone(number: int, verdict: str) -> None:
     stated = found.to_json()["next_steps"]
     assert [own["text"] for own in stated["steps"]] == [own.text for own in steps.steps]
     assert stated["enter"] == [vars(own) for own in steps.enter]
+
+
+@pytest.mark.parametrize(("number", "said"), [(4, False), (9, True)])
+def test_what_seems_to_have_slipped_by_a_wrong_measurement_is_not_said(number: int, said: bool) -> None:
+    found = replace(BY_CHANCE, cause="measurements", measurements=(number,))
+    slipped = SLIP, replace(MOVED, alone=4)
+    for one in slipped:
+        texts = " ".join(message(wrong(one, found)).cautions)
+        assert ("seems to have" in texts) == said, texts

@@ -11,11 +11,12 @@ import pytest
 from cells import run_of
 from command_line import zerobeam
 from mistyped_row import HEADER, MISTYPED
-from pose_runs import pose_header, pose_run, postures
+from pose_runs import CAMERA, pose_header, pose_run, postures
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, Misreading, diagnose, meant
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
@@ -50,6 +51,20 @@ def test_the_joint_and_the_digit_are_named() -> None:
     assert abs(one.fitted - 57.53) < 4 * one.u < 0.2
     assert "it is most likely that of J3 (57.498° ± 0.041° instead of 51.53; " in mend(found)
     assert "57.53 mistyped as 51.53?" in mend(found)
+
+
+def test_the_joint_is_named_where_the_others_scatter_more_than_stated_too() -> None:
+    """No value explains more than leaving the measurement out; it is as uncertain as the scatter makes it."""
+    run = mistyped(3, 57.53, 51.53, count=30)
+    content = run.header.model_dump(mode="json", exclude_unset=True)
+    content["noise"]["joint_deg"] *= 0.7
+    content["instruments"]["cam"] |= {key: 0.7 * CAMERA[key] for key in ("sigma_mm", "sigma_deg")}
+    found, understated = first(run), first(replace(run, header=Header.model_validate(content)))
+    assert (found.agrees, understated.agrees) == (True, False)
+    assert understated.factor == pytest.approx(found.factor / 0.7, rel=0.02)
+    (one,), (other,) = found.readings, understated.readings
+    assert (other.joint, other.meant) == (3, "57.53")
+    assert other.u == pytest.approx(one.u, rel=0.02)
 
 
 @pytest.mark.parametrize(
