@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from zerobeam.experiments.studies.cases import CaseStore, Engine
+from zerobeam.experiments.studies.cell import cell_study
+from zerobeam.experiments.studies.coverage import coverage_study
+from zerobeam.experiments.studies.drift_coverage import drift_study
+from zerobeam.experiments.studies.geometry_coverage import geometry_study
+from zerobeam.experiments.studies.instrument_choice import instruments_study
+from zerobeam.experiments.studies.wrong_models import wrong_models_study
 from zerobeam.model.errors import BadInput
+from zerobeam.model.records import read, to_json
 
 WORKED: list[int] = []
 HEADING = {"study": "own", "seed": 1, "settings": "abc", "versions": {"numpy": "2"}}
@@ -128,3 +137,33 @@ def test_a_stopped_study_goes_on_with_the_piece_under_way_to_the_same_answer(tmp
     assert told[2:] == [("arm 1/3", 1 / 3), ("arm 2/3", 2 / 3), ("arm 3/3", 1.0)]
     assert carried_out()[2] == {"square": 16}
     assert len(WORKED) == 4
+
+
+class _FirstPiece(Exception):
+    """Ends a study behind its first piece."""
+
+
+STUDIES: dict[str, Callable[[Engine], object]] = {
+    "coverage": lambda engine: coverage_study(100, engine),
+    "cell": lambda engine: cell_study(20, engine, camera=False),
+    "drift": lambda engine: drift_study(20, engine),
+    "geometry": lambda engine: geometry_study(20, engine),
+    "instruments": lambda engine: instruments_study(None, engine),
+    "wrong-models": lambda engine: wrong_models_study(2, engine, measurements=(7,)),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("study", STUDIES)
+def test_what_became_of_a_piece_is_read_back(study: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def each(
+        _: Engine, study: str, kind: type, work: Callable[[Any], Any], pieces: Any, **about: Any
+    ) -> None:
+        written = to_json(work(pieces[0]))
+        assert written
+        assert to_json(read(kind, written)) == written
+        raise _FirstPiece
+
+    monkeypatch.setattr(Engine, "each", each)
+    with pytest.raises(_FirstPiece):
+        STUDIES[study](Engine(0, processes=1))
