@@ -18,7 +18,8 @@ from typing import Literal
 from ..model.errors import UnsoundResult
 
 LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
-UNVALIDATED = "unvalidated: the model does not describe the measurements"
+NOT_DESCRIBED = "the model does not describe the measurements"
+UNVALIDATED = f"unvalidated: {NOT_DESCRIBED}"
 
 Status = Literal["identified", "weak", "assumed", "unidentifiable", "held", "unvalidated"]
 # Of a run beside others: a prior has a part in it, or it is of a table that states it, or does not.

@@ -97,7 +97,7 @@ def analyse(
         analysis = _analysed(recorded, options, tell)
     typed = _where_the_person_stands(analysis.result, save or run)
     show_answer(as_json, analysis.result, lambda: (brief_page if full else front_page)(typed))
-    raise typer.Exit(_status(analysis))
+    raise typer.Exit(exit_status_of(analysis))
 
 
 def report(
@@ -124,7 +124,7 @@ def report(
     show_answer(
         as_json, analysis.result, lambda: (brief_page if full else front_page)(typed), report=paths.html
     )
-    raise typer.Exit(_status(analysis))
+    raise typer.Exit(exit_status_of(analysis))
 
 
 def compare(
@@ -219,8 +219,8 @@ def _held_out(values: list[str]) -> list[str] | Run:
     return read_run(files[0])
 
 
-def _status(analysis: Analysis) -> int:
-    """The exit status: 1 too for a run that does not predict the one that was held out, and for a robot that
+def exit_status_of(analysis: Analysis) -> int:
+    """By its verdict; 1 too for a run that does not predict the one that was held out, and for a robot that
     does not meet, or may not meet, what is required of it."""
     from ..analysis.answer.findings import prediction_failed
 

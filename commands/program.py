@@ -1,4 +1,4 @@
-"""All commands put together, and what becomes of their errors: messages and exit statuses."""
+"""All commands put together, and what becomes of their errors: messages, and exit statuses of errors."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.values_to_enter import Conformity, TcpError
+from ..analysis.status import NOT_DESCRIBED
 from ..analysis.tcp_region import TcpRegion
 from . import numbers
 from .case import run_argument
@@ -20,7 +21,7 @@ U_OF_VALUES = "Values make up for links too: their U is not the offsets'."
 ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is their own."
 NOT_CLAIMED = "Their gain at the TCP is not claimed: it depends on an undetermined offset."
 TCP_NOT_CLAIMED = "TCP error: not claimed, since it depends on an undetermined offset."
-TCP_OF_A_MISFIT = "TCP error: not claimed, since the model does not describe the measurements."
+TCP_OF_A_MISFIT = f"TCP error: not claimed, since {NOT_DESCRIBED}."
 NO_REQUIREMENT = (
     "The header states no requirement (required: {tcp_mm: …}): the report says what was determined, not"
     " whether the robot is accurate enough."

@@ -26,7 +26,7 @@ from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
 from ..analysis.misfit import ExactDoubted, LackOfFit
 from ..analysis.observability.changes import RepeatsDiffer
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
-from ..analysis.status import LACK_OF_FIT
+from ..analysis.status import LACK_OF_FIT, NOT_DESCRIBED
 from . import numbers
 from .misfit_words import change_words, criterion_sentence, repeats_disagree
 from .numbers import p_words
@@ -38,7 +38,7 @@ MOST_NAMED = 10
 _USELESS = {
     "nothing known": "no parameter is identifiable",
     "little known": "the data determine less than half of the offsets",
-    "misfit": "the model does not describe the measurements",
+    "misfit": NOT_DESCRIBED,
 }
 
 

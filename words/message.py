@@ -19,7 +19,7 @@ from ..analysis.diagnostics.values_to_enter import Entered
 from ..analysis.observability.check import Check
 from ..analysis.observability.geometry_result import Basis
 from ..analysis.solution import Solution
-from ..analysis.status import Verdict, known
+from ..analysis.status import NOT_DESCRIBED, Verdict, known
 from ..model.files.header import Header
 from ..model.files.run import LEFT_OUT, in_no_file, made_without
 from ..model.instruments.flange_tool import FlangeTool
@@ -266,7 +266,7 @@ def result_words(result: Result) -> str:
     if contradicted(result.verdict, content):
         return f"{word} of this run alone: enter nothing"
     if result.verdict == "misfit":
-        return f"{word}: the model does not describe the measurements"
+        return f"{word}: {NOT_DESCRIBED}"
     if content.worst is None:
         return word
     number = content.worst.name.removeprefix("delta")

@@ -38,7 +38,7 @@ from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import COVERAGE
 from ..analysis.observability.power import NOTICED, DetectionPower, WrongModel, harm
-from ..analysis.status import Status
+from ..analysis.status import NOT_DESCRIBED, Status
 from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
@@ -107,7 +107,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
         case Unconverged():
             return "the fit did not converge"
         case NotTheModel():
-            return "the model does not describe the measurements"
+            return NOT_DESCRIBED
         case NotResolvable():
             return "not resolvable at this noise level"
         case AsGoodAs():

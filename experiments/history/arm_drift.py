@@ -14,6 +14,7 @@ from ...analysis.drift.forecast import HORIZON_YEARS, due_after
 from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
 from ...analysis.row import ParameterRow
+from ...analysis.status import NOT_DESCRIBED
 from ...model.records import inline, internal, it, key, or_null, record
 from .stored_result import Event, Moment, StoredResult
 
@@ -210,7 +211,7 @@ def arm_drift(
 
 def _why_not(result: StoredResult) -> str | None:
     if result.verdict == "misfit":
-        return "misfit: the model does not describe the measurements"
+        return f"misfit: {NOT_DESCRIBED}"
     if result.without_prior is None:
         return "it has no covariance of the offsets without prior: add it again, made by this version"
     dof = result.without_prior.dof

@@ -29,7 +29,7 @@ from ...analysis.observability.changes import Displacement
 from ...analysis.prediction import length_rows, settled
 from ...analysis.recordings.steps import RecordingStep
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
-from ...analysis.status import Status, known, versions
+from ...analysis.status import NOT_DESCRIBED, Status, known, versions
 from ...model.arrays import Matrix
 from ...model.errors import BadInput, FitFailed, located
 from ...model.files.header import UrdfRef
@@ -52,7 +52,7 @@ STATUS_WORDS: dict[Status, str] = {
     "identified": "identified",
     "assumed": "ASSUMED",
     "weak": "WEAK: weakly observable",
-    "unvalidated": "UNVALIDATED: the model does not describe the measurements",
+    "unvalidated": f"UNVALIDATED: {NOT_DESCRIBED}",
 }
 
 
@@ -563,7 +563,7 @@ def require_validated(solution: Solution, allow_displaced: bool = False) -> None
             " --allow-displaced, if it was not moved: the file then says so",
         )
     raise NotValidated(
-        "the model does not describe the measurements, so no offset can be relied on (misfit)",
+        f"{NOT_DESCRIBED}, so no offset can be relied on (misfit)",
         found=" ".join([misfit_headline(solution.misfit), *(f"{sentence}." for sentence in moved)]),
         allowed="a run without a misfit; as data (json, csv) the offsets are written, marked unvalidated",
         remedy="look for the cause with zerobeam report (joint columns, signs, zeros, units, a target or"

@@ -1,4 +1,4 @@
-"""What is noisy: the recorded joint positions and the recorded spot."""
+"""What is noisy: the recorded joint positions and the recorded spot, as a header states it."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ...analysis.drift.drift import ALARM, MEDIAN
-from ...analysis.status import known
+from ...analysis.status import NOT_DESCRIBED, known
 from ...experiments.history.arm_drift import FEW, LeftOut
 from ...experiments.history.arm_history import ArmHistory, State
 from ...experiments.history.stored_result import StoredResult
@@ -101,7 +101,7 @@ def headline(history: ArmHistory) -> Headline:
         return Headline(
             "misfit",
             "Misfit",
-            f"{every}: the model does not describe the measurements, so no offset of this arm is known, and"
+            f"{every}: {NOT_DESCRIBED}, so no offset of this arm is known, and"
             " there is no due date. The report of each result says what explains it best.",
         )
     return Headline(state.role, state.word, f"{_why(history)}{due_sentence(arm)}")

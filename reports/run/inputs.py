@@ -51,7 +51,7 @@ def _head(inputs: Inputs) -> list[tuple[str, str]]:
 def inputs_sections(inputs: Inputs) -> list[Section]:
     """Inputs, provenance where there is one, and the settings of the run."""
     header = dict(inputs.header)
-    provenance = flat(header.pop("provenance", None) or {})
+    provenance = flattened(header.pop("provenance", None) or {})
     instruments = inputs.instruments
     targets = [clipped(name, 24) for name in inputs.targets if name not in instruments]
     kinds = [f"{clipped(label, 24)} ({kind.name})" for label, kind in instruments.items() if label != "tool"]
@@ -78,7 +78,7 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
                 level=2,
             )
         )
-    usual, every = _usual(header, (Header,)), flat(header)
+    usual, every = _usual(header, (Header,)), flattened(header)
     settings = [row for row in every if row[0] not in usual]
     rest = ", ".join(f"{name} {value}" for name, value in every if name in usual)
     by_default = Paragraph(f"By default: {rest}.", screen_only=True) if rest else None
@@ -86,7 +86,7 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
 
 
 def _usual(values: Mapping[str, object], kinds: Iterable[type[BaseModel]], path: str = "") -> set[str]:
-    """The settings, as paths of `flat`, that have the default of a model with these keys."""
+    """The settings, as paths of `flattened`, that have the default of a model with these keys."""
     model = next((one for one in kinds if set(values) <= _keys(one)), None)
     usual = set[str]()
     for key, value in values.items():
@@ -94,7 +94,7 @@ def _usual(values: Mapping[str, object], kinds: Iterable[type[BaseModel]], path:
         field = None if model is None else model.model_fields.get(key)
         optional = field is not None and not field.is_required()
         if field and optional and value == to_jsonable_python(field.get_default(call_default_factory=True)):
-            usual |= {name for name, _ in flat(value, at)}
+            usual |= {name for name, _ in flattened(value, at)}
         elif isinstance(value, dict):
             models = [] if field is None else list(_models(field.annotation))
             if field is None or any(set(value) <= _keys(one) for one in models):
@@ -117,11 +117,13 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _models(part)
 
 
-def flat(value: object, path: str = "") -> list[tuple[str, str]]:
+def flattened(value: object, path: str = "") -> list[tuple[str, str]]:
     """Nested settings as rows `tool.kind` → `laser`, as they are in the file."""
     if isinstance(value, dict) and value:
         return [
-            row for key, item in value.items() for row in flat(item, f"{path}.{key}" if path else str(key))
+            row
+            for key, item in value.items()
+            for row in flattened(item, f"{path}.{key}" if path else str(key))
         ]
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return [(clipped(path, 60), shown(text))] if path else []

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from ...analysis.observability.geometry_result import GeometryResult
-from ...analysis.status import UNVALIDATED, Status
+from ...analysis.status import NOT_DESCRIBED, UNVALIDATED, Status
 from ...model.errors import BadInput
 from ...model.likelihood.parameters import Group
 from ...words import numbers
@@ -182,7 +182,7 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
             " stated nor measured: no part of a pass, and not entered"
         ),
         "unvalidated": (
-            "the data determine a number, but the model does not describe the measurements: neither estimate"
+            f"the data determine a number, but {NOT_DESCRIBED}: neither estimate"
             " nor uncertainty can be relied on"
         ),
         "unidentifiable": "the data add nothing to its prior; it has no estimate",
