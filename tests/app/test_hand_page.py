@@ -86,10 +86,9 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
         wait(tab, f"{IN_HAND}.includes('The joint values are taken.')")
         wait(tab, f"document.activeElement.closest('label')?.textContent === {json.dumps(READING)}")
         assert (tab.accessibility(), tab.overflow()) == ([], 0)
-        for text in ("1.234,5 20 300", "1,234 20 300", "12 20"):
-            fill(tab, READING, text)
-            press(tab, "Record")
-            wait(tab, f"{IN_HAND}.includes('allowed are 3 numbers')")
+        fill(tab, READING, "1,234 20 300")
+        press(tab, "Record")
+        wait(tab, f"{IN_HAND}.includes('allowed are 3 numbers')")
         fill(tab, READING, " ".join(f"{value:.4f}".replace(".", ",") for value in points[1]))
         press(tab, "Record")
         wait(tab, f"{ASKED}.startsWith('Measurement 2 (2 of 3 done)')")

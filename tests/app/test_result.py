@@ -301,6 +301,8 @@ def test_the_history_has_runs_by_serial_number_and_their_results(client: TestCli
     stated["provenance"] = {"Serial": "16-<b>", "when": "2026-05-04", "who": "J. Doe", "psd": "Acme 7"}
     (there / "sub/other.jsonl").write_text("\n".join([json.dumps(stated), *shots, ""]))
     (there / "broken.jsonl").write_text('{"schema": "zerobeam/run/1", ')
+    for name, tool in {"odd": {"no": "kind"}, "unknown": {"kind": "dowsing rod"}}.items():
+        (there / f"{name}.jsonl").write_text(json.dumps({**stated, "tool": tool}) + "\n")
     found = client.get("/api/history").json()
     rows = {row["file"]: row for row in found["runs"]}
     other = rows["sub/other.jsonl"]
@@ -310,7 +312,9 @@ def test_the_history_has_runs_by_serial_number_and_their_results(client: TestCli
     assert rows["x-pattern.jsonl"]["serial"] == "none: simulated"
     assert rows["good.jsonl"]["results"][0]["file"] == "good/result.json"
     assert rows["good.jsonl"]["results"][0]["verdict"] == "pass"
-    assert rows["broken.jsonl"]["error"]
+    assert "no whole header of a run" in rows["broken.jsonl"]["error"]
+    for name in ("odd", "unknown"):
+        assert rows[f"{name}.jsonl"]["error"] == "the instruments of this run cannot be read"
     assert found["results"] == []
     shutil.copy(there / "good.jsonl", there / "same.jsonl")
     rows = {row["file"]: row for row in client.get("/api/history").json()["runs"]}

@@ -22,7 +22,7 @@ const answerText = (word) => ANSWERS[word] ?? `It is measurement ${word.slice(3)
  * @param {import("./events.js").Asked} asked
  * @param {import("./events.js").ReadingAsked | null} reading that of another measurement at the posture, perhaps
  */
-function title(asked, reading) {
+export function title(asked, reading) {
   const { shot, instrument, reflector } = reading ?? asked;
   const target = shot === asked.shot && asked.target && asked.target !== reflector;
   const parts = [`Measurement ${shot} (${asked.done} of ${Math.max(asked.postures, asked.done + 1)} done)`,
@@ -36,7 +36,7 @@ function title(asked, reading) {
  * The numbers of a reading; null where it is not so many, or could be misread.
  * @param {import("./events.js").Entered} read @param {string} text
  */
-function numbersOf(read, text) {
+export function numbersOf(read, text) {
   const numbers = read.numbers === 1 ? [parsed(text)] : parsedList(text);
   return numbers?.length === read.numbers && !numbers.includes(null) ? numbers : null;
 }
