@@ -26,10 +26,16 @@ class Versioned:
 
 
 @record(kw_only=True)
-class WrittenFile(Versioned):
-    """A file that was written as it was sent."""
+class VersionOfFile(Versioned):
+    """A file of the folder as it was read or written, and what more is said of it."""
 
     file: str
+
+
+@record(kw_only=True)
+class WrittenFile(VersionOfFile):
+    """A file that was written as it was sent."""
+
     bytes: int
 
 

@@ -39,8 +39,8 @@ from .robot_library import whole_ref
 
 
 @record(kw_only=True)
-class MadeFolder:
-    """A folder that was made."""
+class CalibrationFolder:
+    """The folder of a calibration, as it was made or taken back."""
 
     name: str
 
@@ -64,14 +64,14 @@ def new_path(folder: Folder, name: str) -> Path:
 def new_folder(
     folder: Folder,
     name: Annotated[str, it("a name without /, below the app's folder"), Field(max_length=100)],
-) -> MadeFolder:
+) -> CalibrationFolder:
     """Make an empty folder."""
     path = new_path(folder, name.strip())
     try:
         path.mkdir()
     except OSError as error:
         raise NotWritten(f"the folder cannot be made: {error.strerror}", file=path) from None
-    return MadeFolder(name=folder.called(path))
+    return CalibrationFolder(name=folder.called(path))
 
 
 _EXAMPLE = "example"
@@ -143,13 +143,6 @@ class CalibrationProposal:
 
 
 @record(kw_only=True)
-class WithdrawnCalibration:
-    """A calibration that was taken back."""
-
-    name: str
-
-
-@record(kw_only=True)
 class CalibrationChoices:
     """What a new calibration can be made of."""
 
@@ -200,7 +193,7 @@ def withdraw(
     folder: Folder,
     name: Annotated[str, it("its folder")],
     version: Annotated[str, it("of its header, as it was made")],
-) -> WithdrawnCalibration:
+) -> CalibrationFolder:
     """Take a calibration back that has a header, as it was made, and nothing else."""
     header = folder.file(f"{name}/header.yaml")
     path = header.parent
@@ -216,7 +209,7 @@ def withdraw(
         )
     header.unlink()
     path.rmdir()
-    return WithdrawnCalibration(name=name)
+    return CalibrationFolder(name=name)
 
 
 @end_point(

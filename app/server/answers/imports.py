@@ -30,7 +30,7 @@ from ....model.records import it, record
 from ..folder import Folder
 from ..index import yaml_path
 from ..requests import Content, Precondition, at_key, end_point, keyed, noted, wrong
-from ..versions import Versioned, replacing, version_of, version_of_sum
+from ..versions import VersionOfFile, replacing, version_of, version_of_sum
 from . import contents_process
 from .forms import FormField, form_of
 from .robot_library import require_robot_inside, rounded, whole_ref
@@ -146,17 +146,14 @@ class HeaderUse:
 
 
 @record(kw_only=True)
-class WrittenHeader(HeaderUse, Versioned):
+class WrittenHeader(HeaderUse, VersionOfFile):
     """A header that was written."""
-
-    file: str
 
 
 @record(kw_only=True)
-class ReadHeader(Versioned):
+class ReadHeader(VersionOfFile):
     """The header of a header file or a plan, as it is stated."""
 
-    file: str
     header: Content
     target: str
     notes: list[str]

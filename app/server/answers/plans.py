@@ -37,7 +37,7 @@ from ....words.plan_catalogue import violation_words
 from ..folder import Folder
 from ..index import yaml_path
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
-from ..versions import Versioned, replacing, version_of, version_of_sum
+from ..versions import VersionOfFile, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
 from .robot_library import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
 
@@ -52,10 +52,9 @@ FileOfPlan = Annotated[
 
 
 @record(kw_only=True)
-class ReadPlan(Versioned):
+class ReadPlan(VersionOfFile):
     """A plan file."""
 
-    file: str
     plan: Annotated[Content, it("its content")]
     targets: Annotated[list[str], it("of its postures")]
     robot: DrawnArm
@@ -64,10 +63,9 @@ class ReadPlan(Versioned):
 
 
 @record(kw_only=True)
-class WrittenPlan(Versioned):
+class WrittenPlan(VersionOfFile):
     """A plan that was written."""
 
-    file: str
     notes: list[str]
 
 
@@ -159,18 +157,10 @@ class WithoutOne:
 
 
 @record(kw_only=True)
-class ReadObstacles(Versioned):
+class ReadObstacles(VersionOfFile):
     """An obstacles file."""
 
-    file: str
     obstacles: Obstacles
-
-
-@record(kw_only=True)
-class WrittenObstacles(Versioned):
-    """Obstacles that were written."""
-
-    file: str
 
 
 @end_point("GET /api/plan", "A plan: its content, targets, robot and notes.")
@@ -295,13 +285,13 @@ def write_obstacles_file(
     file: Annotated[str, it("path below the folder (.yaml): a new file, or obstacles to be replaced")],
     obstacles: Annotated[Obstacles, it("the content of an obstacles file")],
     precondition: Precondition,
-) -> WrittenObstacles:
+) -> VersionOfFile:
     """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced, nor another
     version than the one that was read."""
     path = yaml_path(folder, file, "obstacles")
     with replacing(path, precondition, lambda: obstacles_file(folder, file)) as force:
         write_obstacles(path, obstacles, force=force)
-    return WrittenObstacles(version=version_of(path), file=folder.called(path))
+    return VersionOfFile(version=version_of(path), file=folder.called(path))
 
 
 def _aimed(folder: Folder, content: Content, file: str | None) -> AimedPlan:

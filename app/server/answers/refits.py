@@ -27,7 +27,7 @@ from ....words.misfit_words import criterion_sentence
 from ..folder import Folder
 from ..kept import kept
 from ..requests import end_point, wrong
-from ..versions import Versioned, version_of
+from ..versions import VersionOfFile, version_of
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
 _MOST_NAMED = 5  # measurements, in the name of a file
@@ -133,13 +133,6 @@ def refit(
     )
 
 
-@record(kw_only=True)
-class MadeRun(Versioned):
-    """A run file that was made of another one."""
-
-    file: str
-
-
 @end_point(
     "POST /api/runs", "Writes a run without some measurements beside it: a new file that says so.", status=201
 )
@@ -147,7 +140,7 @@ def save_without(
     folder: Folder,
     run: RunOfFolder,
     without: Annotated[NumbersLeftOut, Field(min_length=1)],
-) -> MadeRun:
+) -> VersionOfFile:
     """Write the run `without` some measurements; its provenance says which, and of what run."""
     path = folder.file(run)
     recorded = read_run(path)
@@ -156,7 +149,7 @@ def save_without(
     named = "-".join(map(str, numbers[:_MOST_NAMED])) + ("-and-more" if len(numbers) > _MOST_NAMED else "")
     file = folder.free(path.with_name(f"{path.stem}-without-{named}{path.suffix}"))
     recorded.without(numbers).saved(file)
-    return MadeRun(file=folder.called(file), version=version_of(file))
+    return VersionOfFile(file=folder.called(file), version=version_of(file))
 
 
 def _left(numbers: tuple[int, ...], without: tuple[int, ...]) -> Index:
