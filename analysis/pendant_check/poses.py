@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile, StatedTransform
@@ -258,7 +258,8 @@ class Tolerance:
 
     def share(self, computed: Matrix, shown: Matrix) -> float:
         """The larger of both deviations over its tolerance: at most 1 where the poses agree."""
-        angle = float(Rotation.from_matrix(computed[:3, :3].T @ shown[:3, :3]).magnitude())
+        apart = scipy.spatial.transform.Rotation.from_matrix(computed[:3, :3].T @ shown[:3, :3])
+        angle = float(apart.magnitude())
         off = float(np.abs(computed[:3, 3] - shown[:3, 3]).max())
         return max(off / self.position, angle / self.angle)
 

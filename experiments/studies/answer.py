@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from scipy import special, stats
+import scipy
 
 from ...analysis.observability.identifiability import identify
 from ...analysis.status import Status, has_numbers, require_no_more_than
@@ -162,14 +162,14 @@ def held_share(held: int, of: int, level: float, alarm: float) -> Share:
 
     It agrees unless the p-value of the exact binomial test is below `alarm`.
     """
-    agrees = bool(stats.binomtest(held, of, level).pvalue >= alarm)
+    agrees = bool(scipy.stats.binomtest(held, of, level).pvalue >= alarm)
     return Share(level, held, of, held / of, *share_interval(held, of), agrees)
 
 
 def share_interval(held: int, of: int) -> tuple[float, float]:
     """The exact 95 % interval of a share (Clopper and Pearson 1934), by quantiles of beta distributions."""
-    low = special.betaincinv(held, of - held + 1, 0.025) if held > 0 else 0.0
-    high = special.betaincinv(held + 1, of - held, 0.975) if held < of else 1.0
+    low = scipy.special.betaincinv(held, of - held + 1, 0.025) if held > 0 else 0.0
+    high = scipy.special.betaincinv(held + 1, of - held, 0.975) if held < of else 1.0
     return float(low), float(high)
 
 
