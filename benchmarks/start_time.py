@@ -1,10 +1,12 @@
-"""How long a person waits for an answer: whole processes of `check`, `analyse` and `report`, as ratios.
+"""How long a person waits for an answer: whole processes of `check`, `analyse`, `report`, `plan optimal` and
+`verify`, as ratios.
 
     python benchmarks/start_time.py
     python benchmarks/start_time.py --python /tmp/lean/bin/python    # and in another environment
 
-The run is the built-in one of 7 measurements, the plan its postures. All is warm: one round of each is not
-counted. The yardstick is `python -c "import emcee, casadi"` in the same rounds: what a program that samples a
+The run is the built-in one of 7 measurements, the plan its postures; `plan optimal` is for 20 measurements,
+`verify` is of a simulated calibration in these postures. All is warm: one round of each is not counted.
+The yardstick is `python -c "import emcee, casadi"` in the same rounds: what a program that samples a
 posterior with these libraries waits for before it begins. Medians; by the clock, and of all cores.
 """
 
@@ -34,6 +36,21 @@ def plan_of(run: Path, file: Path) -> Path:
     return file
 
 
+def acceptance_test(plan: Path, folder: Path) -> tuple[Path, Path]:
+    """A simulated calibration in the postures of a plan, and its acceptance test."""
+    calibration, test, tested = (folder / name for name in ("run.jsonl", "test.yaml", "tested.jsonl"))
+    cell_file = folder / "cell.yaml"
+    cell_file.write_text("schema: zerobeam/cell/1\narm: {offsets_deg: {delta2: -1.2}}\n", encoding="utf-8")
+    cell = ["--cell", str(cell_file), "--no-camera", "--seed", "5"]
+    for arguments in (
+        ["run", str(plan), "-o", str(calibration), *cell],
+        ["plan", "verify", str(calibration), "-o", str(test)],
+        ["run", str(test), "-o", str(tested), "--arm", str(calibration), *cell],
+    ):
+        spent([sys.executable, "-c", PROGRAM, *arguments])
+    return calibration, tested
+
+
 def spent(command: list[str]) -> tuple[float, float]:
     """Seconds by the clock and of all cores of one process."""
     # As installed: modules are compiled to bytecode once.
@@ -53,10 +70,14 @@ def main() -> None:
     run = next(run.path for run in demo_runs() if run.name == "good")
     with tempfile.TemporaryDirectory() as folder:
         plan = plan_of(run, Path(folder) / "plan.yaml")
+        calibration, tested = acceptance_test(plan, Path(folder))
+        optimal = ["plan", "optimal", "--header", str(run), "--shots", "20", "--force"]
         commands = {
             "check": ["-c", PROGRAM, "check", str(plan)],
             "analyse": ["-c", PROGRAM, "analyse", str(run)],
             "report": ["-c", PROGRAM, "report", str(run), "-o", str(Path(folder) / "report")],
+            "plan optimal": ["-c", PROGRAM, *optimal, "-o", str(Path(folder) / "optimal.yaml")],
+            "verify": ["-c", PROGRAM, "verify", str(calibration), str(tested)],
         }
         pythons = [Path(sys.executable), *asked.python]
         rows = [("yardstick", [sys.executable, "-c", YARDSTICK])]
