@@ -193,7 +193,15 @@ def test_the_remedy_for_repeats_that_differ_is_that_command() -> None:
         solution = next(one for k in range(60) if doubted(one := after(0.02 * k, again)))
         action = message_so_far(solution, "run.jsonl", own).action
         once = again == 2
-        assert action.command == ("zerobeam run PLAN -o run.jsonl --resume --once-more" if once else None)
+        typed = "zerobeam run PLAN -o run.jsonl --rig RIG --resume --once-more"  # nothing says how
+        assert action.command == (typed if once else None)
+        for origin, rig in (
+            ({"origin": "by hand"}, "--rig=manual"),
+            ({"origin": "simulated", "seed": 7}, "--seed=7"),
+        ):
+            header = own.model_copy(update={"provenance": {**own.provenance, **origin}})
+            command = message_so_far(solution, "run.jsonl", header).action.command
+            assert command == (typed.replace("--rig RIG", rig) if once else None)
         assert ("once more" in action.text) == once
         assert "ook for what changed the zero of" in action.text
 
