@@ -4,7 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cells import simulated
 from exact_runs import demo_runs
+from example_results import TABLE_2, three_targets
+from scipy.optimize import least_squares
 
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.ladder import climb_ladder, held_out_rms, log_evidence
@@ -54,3 +57,26 @@ def test_starts_that_meet_have_one_top(good):
         np.testing.assert_allclose((together.z[row] - alone.z) / alone.std, 0, atol=1e-3)
         np.testing.assert_allclose(together.std[row], alone.std, rtol=1e-3)
     assert len(np.unique(together.log_posterior)) < 5
+
+
+def test_what_is_held_out_of_each_placement_is_what_a_fit_of_the_others_leaves_there():
+    """By fits without each placement, and targets that are placed anew by their own measurements alone."""
+    problem = Problem.from_run(simulated(three_targets(6), TABLE_2, 3)[1])
+    squares = 0.0
+    for k in range(3):
+        others = fit_likelihood(problem.select(np.flatnonzero(problem.target_index != k)), starts=0)
+        own = problem.select(np.flatnonzero(problem.target_index == k))
+        x, block = others.x.copy(), problem.parameters.block("target", k)
+
+        def at(place, own=own, x=x, block=block):
+            x[block] = place
+            return own.whiten(x)
+
+        def left(place, at=at, own=own):
+            return at(place).residual[: 2 * own.shots]
+
+        placed = at(least_squares(left, x[block], x_scale=1e-3).x)
+        missed = placed.factor @ placed.residual[: 2 * own.shots].reshape(-1, 2, 1)
+        squares += (missed**2).sum()
+    expected = np.sqrt(squares / problem.shots)
+    assert held_out_rms(fit_likelihood(problem, starts=0)) == pytest.approx(expected, rel=0.02)

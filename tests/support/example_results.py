@@ -150,7 +150,7 @@ def _outlier() -> Analysis:
     return _analysed(_named(replace(run, shots=tuple(shots)), "outlier.jsonl"), robust="huber")
 
 
-def _three_targets(each: int) -> Plan:
+def three_targets(each: int) -> Plan:
     """A plan of so many measurements of each of three targets."""
     at = {"near": (900.0, 0.0, 0.0), "left": (700.0, 500.0, 200.0), "right": (800.0, -400.0, 300.0)}
     targets = {name: {"guess_mm": list(guess)} for name, guess in at.items()}
@@ -164,13 +164,13 @@ def _three_targets(each: int) -> Plan:
 
 def _held_out() -> Analysis:
     """Three targets, of which two were held out; the offsets hold there."""
-    run = _named(simulated(_three_targets(8), TABLE_2, 3)[1], "three-targets.jsonl")
+    run = _named(simulated(three_targets(8), TABLE_2, 3)[1], "three-targets.jsonl")
     return _analysed(run, held_out=("left", "right"))
 
 
 def _geometry() -> Analysis:
     """Three targets, an upper arm that is 0.4 mm longer, and the geometry estimated, the ladder included."""
-    run = simulated(replace(_three_targets(8), robot=_longer_upper_arm(0.4)), TABLE_2, 3)[1]
+    run = simulated(replace(three_targets(8), robot=_longer_upper_arm(0.4)), TABLE_2, 3)[1]
     own = run.header.model_copy(update={"geometry": StatedGeometry(scale="estimated")})
     return _analysed(_named(replace(run, robot=irb1600(), header=own), "links.jsonl"))
 

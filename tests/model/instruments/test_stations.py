@@ -16,6 +16,7 @@ from plain_stations import (
 )
 from scipy.spatial.transform import Rotation
 
+from zerobeam.model.instruments.kind import Target as PlannedTarget
 from zerobeam.model.instruments.registry import STATIONS
 
 VARIED = [
@@ -268,3 +269,11 @@ def test_a_dial_along_its_plane_has_no_travel_but_finite_numbers():
     values = functions(instrument, "")[0](np.eye(4)[:3], [300.0, 0, 0], [], reading)
     assert all(np.isfinite(each.full()).all() for each in values)
     assert abs(float(values[0])) > 1e9
+
+
+def test_a_ball_is_touched_where_the_centres_are_its_radius_and_the_tips_apart():
+    instrument, entry = station("sphere"), Target()
+    centre = np.array(entry.guess_mm)
+    away = instrument.goals(np.random.default_rng(1), 5, PlannedTarget(centre, entry)) - centre
+    radii = (STATED["sphere"]["tip_diameter_mm"] + entry.diameter_mm) / 2
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), radii, rtol=1e-12)

@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, SEEN, TOOLS, Made, header
@@ -379,3 +381,25 @@ def test_a_noise_is_estimated_from_more_numbers_than_unknowns_alone(arms):
     assert estimable == {3: False, 4: False, 5: True, 8: True}
     known = Made(arms["irb1600"], header(noise=stated), seen=("a",) * 8).problem
     assert known.select(np.arange(3)).noise_estimable
+
+
+def test_a_measurement_with_a_sigma_of_its_own_has_that_variance(tmp_path):
+    """Without noise of the joints the factor of its covariance is the sigma itself, else the instrument's."""
+    tracker = {"kind": "tracker", "sigma_mm": 0.05, "reflectors": {"R1": {"guess_mm": [0, 0, 100]}}}
+    head = {
+        "schema": "zerobeam/run/1",
+        "robot": "irb1600",
+        "geometry": "exact",
+        "instruments": {"left": tracker},
+        "noise": {"joint_deg": 1e-9},
+    }
+    row = {"instrument": "left", "reflector": "R1", "measured_mm": [900, 100, 200]}
+    rows = [
+        {**row, "shot": i, "joints_deg": [10 * i, 20, -30, 40, 50, -60], **own}
+        for i, own in enumerate([{}, {"sigma_mm": 0.2}, {"sigma_mm": 0.025}])
+    ]
+    (tmp_path / "r.jsonl").write_text("".join(json.dumps(line) + "\n" for line in (head, *rows)))
+    problem = Problem.from_run(read_run(tmp_path / "r.jsonl"))
+    factor = problem.whiten(problem.nominal()).factor
+    expected = np.array([0.05, 0.2, 0.025])[:, None, None] * np.eye(3)
+    np.testing.assert_allclose(factor, expected, rtol=1e-6, atol=1e-9)
