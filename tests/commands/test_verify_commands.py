@@ -40,7 +40,7 @@ def rehearsed(plan, tmp_path, offsets):
         0,
         f"{count} measurements for the test of {GOOD.name}.",
     )
-    assert f"zerobeam verify {GOOD.name} new.jsonl" in answer.out
+    assert f"zerobeam verify {GOOD.name} {new}" in " ".join(answer.out.replace("\\\n", " ").split())
     assert "Enter nothing" not in answer.out
     return zerobeam("verify", GOOD, new, "-o", tmp_path / "report")
 
