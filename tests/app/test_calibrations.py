@@ -206,4 +206,4 @@ def test_what_reads_one_number_is_planned_with_the_defaults(
     assert "--shots=30" in made["command"]
     job = ended(client, begun(client, *made["command"]))
     assert job["answer"]["verdict"] in ("pass", "weak"), job["log"]
-    assert len(read_plan(root / "cell 4/plan.yaml").postures) == 30
+    assert len(read_plan(root / "cell 4/plan.yaml").postures) == 30 + 2  # two of them again

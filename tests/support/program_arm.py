@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from cells import LASER, header, plan_of, varied_postures
 
+from zerobeam.analysis.observability.aim import aim_plan
+from zerobeam.experiments.plans.constraints import violations
 from zerobeam.experiments.procedure.centring import centre
 from zerobeam.experiments.procedure.readings import read_dark
 from zerobeam.experiments.procedure.search import Search
@@ -27,12 +29,18 @@ _SAMPLES = 50
 
 
 def plan_for(folder: Path, robot: str, target: tuple[float, float, float], count: int = 12) -> Plan:
-    """A plan of varied postures of a built-in robot, through its file."""
-    own = header(LASER, target=target, robot=robot)
-    arm = load_robot(robot)
-    made = plan_of(own, varied_postures(own, arm, target, count, 4), robot=arm)
+    """A plan of varied postures of a built-in robot, in which it is not in the way of its beam, through its
+    file."""
+    own, arm = header(LASER, target=target, robot=robot), load_robot(robot)
+    for drawn in (count, 2 * count, 4 * count):
+        made = plan_of(own, varied_postures(own, arm, target, drawn, 4), robot=arm)
+        blocked = {each.posture for each in violations(aim_plan(made)) if each.condition == "arm"}
+        clear = [i for i in range(drawn) if i not in blocked][:count]
+        if len(clear) == count:
+            break
     path = folder / "plan.yaml"
-    write_plan(path, own, np.round(np.asarray(made.postures) * arm.display, 4), made.targets)
+    postures = np.round(np.asarray(made.postures)[clear] * arm.display, 4)
+    write_plan(path, own, postures, [made.targets[i] for i in clear])
     return read_plan(path)
 
 

@@ -73,8 +73,8 @@ def test_two_percent_of_outliers_are_found_and_said(loss: str, tmp_path: Path) -
     (named,) = re.findall(r"Outliers: (.*?)\. The", text) or re.findall(r"Outliers: (.*?)\. ", text)
     assert {int(number) for number in re.findall(r"(\d+) \(weight", named)} == set(off)
     assert "Most likely: single measurements." in text
-    (first,) = re.findall(r"Remove measurements? (.*?) from the run", text)
-    assert {int(number) for number in re.findall(r"\d+", first)} == set(off)
+    (dropped,) = re.findall(r"--drop ([\d,]+)", text)
+    assert {int(number) for number in dropped.split(",")} == set(off)
 
 
 @pytest.mark.parametrize("joints", [6, 7])
