@@ -35,7 +35,7 @@ from .diagnostics.predicted_run import PredictedRun, predict_run, require_predic
 from .diagnostics.scene_data import scene
 from .diagnostics.values_to_enter import Entered, entered
 from .estimation.effective_dof import as_small
-from .estimation.fit import LikelihoodFit, start_at
+from .estimation.fit import start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
@@ -96,7 +96,6 @@ class Analysis(Solution):
         robust: Loss | None = None,
         held_out: Sequence[str] | Run = (),
         sampling: Sampling = "always",
-        fit: LikelihoodFit | None = None,
         progress: Progress | None = None,
     ) -> Self:
         """Everything that can be said of a recorded run: fits, identifiability, posterior, verdict.
@@ -105,8 +104,7 @@ class Analysis(Solution):
         `held_out` a fit without the targets of these names (* and ? as in file names) and a look at how it
         does there, or another run of the same header, which is predicted. The posterior is sampled
         `always`, `never`, or `where needed`: where the profile likelihood shows that the curvature at the
-        mode does not describe it. `fit` is `fit_likelihood`'s of this run if it is there already. `progress`
-        gets the stage and its share.
+        mode does not describe it. `progress` gets the stage and its share.
         """
         if not 0 < ess <= MOST_ESS:
             raise BadInput(
@@ -117,7 +115,7 @@ class Analysis(Solution):
             )
         with one_blas_thread(), located(run.path, run.header_line):
             report = progress or (lambda stage, share: None)
-            solution, result, draws = _analyse(run, seed, ess, robust, held_out, sampling, fit, report)
+            solution, result, draws = _analyse(run, seed, ess, robust, held_out, sampling, report)
         return cls(
             fit=solution.fit,
             identified=solution.identified,
@@ -154,11 +152,10 @@ def _analyse(
     loss: Loss | None,
     held_out: Sequence[str] | Run,
     sampling: Sampling,
-    fit: LikelihoodFit | None,
     report: Progress,
 ) -> tuple[Solution, Result, Draws | None]:
     run.require_analysable()
-    problem = Problem.from_run(run) if fit is None else fit.problem
+    problem = Problem.from_run(run)
     require_noise_data(problem)
     report("fit", 0.0)
     # A name that is none of a target, and a run of another header, are refused before the long part.
@@ -167,9 +164,7 @@ def _analyse(
         require_predictable(run, held_out)
     elif held_out:
         held_out_fit = hold_out(problem, held_out, seed)
-    solution = solve_run(
-        problem, run.header, seed=seed, fit=fit, progress=lambda share: report("fit", 0.7 * share)
-    )
+    solution = solve_run(problem, run.header, seed=seed, progress=lambda share: report("fit", 0.7 * share))
     assert solution.effective is not None
     report("fit", 0.7)
     midpoint = fit_midpoint(problem.with_geometry(NOMINAL))

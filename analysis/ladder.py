@@ -31,14 +31,13 @@ def solve_run(
     *,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
-    fit: LikelihoodFit | None = None,
 ) -> Solution:
     """A run solved as its header asks: the model that the ladder keeps, measurements at their effective
-    number. `progress` gets the share that is done, `fit` is that of `problem` if there is one.
+    number. `progress` gets the share that is done.
 
     BadInput where a noise scale is to be estimated and no degree of freedom is left.
     """
-    fit, ladder, factors = climb_ladder(problem, header, seed, progress or (lambda share: None), fit)
+    fit, ladder, factors = climb_ladder(problem, header, seed, progress or (lambda share: None))
     number = effective(fit, link_columns(fit.problem, fit.x))
     solution = _weighted(fit, number, ladder, factors)
     if problem.noise.estimated and solution.dof < 1:  # as few as correlated measurements count for
@@ -68,18 +67,14 @@ def _weighted(
 
 
 def climb_ladder(
-    problem: Problem,
-    header: Header,
-    seed: int,
-    progress: Callable[[float], None],
-    fit: LikelihoodFit | None = None,
+    problem: Problem, header: Header, seed: int, progress: Callable[[float], None]
 ) -> tuple[LikelihoodFit, tuple[Rung, ...], Factors | None]:
     """The fit of the highest rung, all rungs below it, and by what the data multiply the tolerances (None
     where they are known). An exact arm has no ladder, nor has a run where a rung has no mode to compare.
-    `progress` gets the share that is done; `fit` is that of `problem` if it is there already."""
+    `progress` gets the share that is done."""
     declared, whole = header.arm, problem.geometry
     if declared is None:
-        return (fit_likelihood(problem, seed=seed) if fit is None else fit), (), None
+        return fit_likelihood(problem, seed=seed), (), None
     nominal = fit_likelihood(_up_to(problem, "offsets"), starts=0, seed=seed)
     fit = fit_likelihood(_up_to(problem, "geometry"), seed=seed)
     rungs = [_rung("offsets", nominal, kept=False), _rung("geometry", fit, kept=True)]

@@ -31,7 +31,7 @@ from zerobeam.experiments.command_options import BatchSettings
 from zerobeam.experiments.processes import side_by_side
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.coverage import StudiedPlan, studied, studied_plans
-from zerobeam.reports.batch.carried_out import TOGETHER, batch
+from zerobeam.reports.batch.carried_out import batch
 
 MANY = 1000  # workers on paper
 
@@ -182,7 +182,7 @@ def main() -> None:
         spent, own, worker, traffic = solved_batch(Path(aside) / "runs", Path(aside) / "batch")
     pieces = max(traffic.pieces, 1)
     print(
-        f"batch, 1 worker: {asked.runs} runs in {spent:.1f} s, {pieces} pieces of {TOGETHER}; core time of a"
+        f"batch, 1 worker: {asked.runs} runs in {spent:.1f} s, {pieces} pieces; core time of a"
         f" piece: {1000 * worker / pieces:.0f} ms of the worker, {1000 * own / pieces:.0f} ms of client,"
         f" scheduler and writing; sent {traffic.sent / pieces / 1e3:.1f} kB a piece, received"
         f" {traffic.received / pieces / 1e3:.1f} kB; load {os.getloadavg()[0]:.1f}"

@@ -95,7 +95,7 @@ def add(
         for (path, entry), outcome in zip(waiting, outcomes, strict=True):
             counts[outcome] += 1
             if outcome == "refused":
-                refuse(path, str(_other_result(path, entry, options.replace)))
+                refuse(path, str(_other_result(path, entry, arm_of(history, entry.sha256))))
         waiting.clear()
 
     with opened(options.db, create=True) as history:
@@ -131,13 +131,23 @@ def add(
     raise typer.Exit(2 if failed or not paths else 0)
 
 
-def _other_result(path: Path, entry: Entry, replace: bool) -> BadInput:
-    remedy = "name one arm for it" if replace else "--replace takes this one instead, for the same arm"
+def _other_result(path: Path, entry: Entry, held: tuple[str, str] | None) -> BadInput:
+    run = f"run {entry.run}, SHA-256 {entry.sha256[:12]}…"
+    if held is not None and held != (entry.serial, entry.model):
+        serial, model = held
+        return BadInput(
+            f"the history has this run under another arm: serial {serial}, {model}",
+            found=f"{run}, for serial {entry.serial}, {entry.model}",
+            allowed="one arm for each run",
+            remedy=f"if it is of {serial}, nothing is to be added; if not, no command moves it: begin a new"
+            " history with --db, and add all results with their right --serial",
+            file=path,
+        )
     return BadInput(
         "the history has another result of the same run",
-        found=f"run {entry.run}, SHA-256 {entry.sha256[:12]}…",
+        found=run,
         allowed="one result of each run",
-        remedy=remedy,
+        remedy="--replace takes this one instead",
         file=path,
     )
 

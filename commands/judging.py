@@ -246,6 +246,7 @@ def batch(
 ) -> None:
     """Solve many runs: results, reports if asked, tables, and one page over all."""
     from ..experiments.batch import run_files
+    from ..experiments.studies.cases import any_kept
     from ..reports.batch.batch_page import batch_page, require_parquet
     from ..reports.batch.carried_out import STORE, check_target
     from ..reports.batch.carried_out import batch as carry_out
@@ -258,7 +259,7 @@ def batch(
         with cluster.opened(), progress("batch") as tell:
             done = carry_out(files, folder, settings, tell, parquet=parquet)
     except (KeyboardInterrupt, WorkersLost):
-        if (folder / STORE).exists():
+        if any_kept(folder / STORE):
             kept = f"The finished runs are kept in {folder}: the same command goes on with them."
             say(kept, to=err)
         raise

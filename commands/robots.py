@@ -77,7 +77,7 @@ def robot(
     from ..experiments.new_robot import content_of, copy_robot, with_fanuc_backup, write_robot
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
-    from ..reports.output.terminal import print_blocks
+    from ..reports.output.terminal import print_rows
     from ..reports.plan.robot_page import robot_page, robots_table
     from ..words.sentences import to_json
 
@@ -85,7 +85,7 @@ def robot(
         if as_json:
             print_json({"robots": list(built_in_robots())})
         else:
-            print_blocks(out, [robots_table()])
+            print_rows(out, robots_table())
         return
     if name is None:
         raise BadInput(

@@ -39,7 +39,7 @@ def _carry_out(
     Its options are those of every study. Finished cases are kept next to the folder, which is written whole
     or not at all, to go on with; once the study is written they are no longer needed.
     """
-    from ..experiments.studies.cases import Engine
+    from ..experiments.studies.cases import Engine, any_kept
     from ..reports.output.whole_folder import check_target
     from ..reports.studies.kinds import study_kind, study_page, write_study
 
@@ -54,7 +54,7 @@ def _carry_out(
             tell("writing", 1.0)
             paths = write_study(folder, answer)
     except (KeyboardInterrupt, WorkersLost):
-        if store.exists():
+        if any_kept(store):
             say(f"The finished cases are kept in {store}: the same command goes on with them.", to=err)
         raise
     store.unlink(missing_ok=True)

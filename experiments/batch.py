@@ -7,7 +7,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -158,11 +158,12 @@ class Finished:
 
 
 def key_of(run: Run, settings: BatchSettings) -> str:
-    """What a result depends on: the run's content, the arm, the settings, the program."""
+    """What a result depends on: the run's content, the arm, the settings, the program. A report shows the
+    same result."""
     content = [
         [run.path.name, run.sha256],
         _arm(run.robot),
-        asdict(settings),
+        asdict(replace(settings, report=False)),
         versions(),
         source_hash(),
     ]

@@ -5,7 +5,7 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density, density_of
 from ...model.likelihood.problem import Problem, Whitened
-from .climb import MOST_STEPS, Climb, compiled_climb
-from .coordinates import flange_coordinates
+from .climb import MOST_STEPS, Climb
 from .levenberg_marquardt import Minima, Minimised
 from .threads import threads
 
@@ -210,47 +209,24 @@ def fit_likelihood(problem: Problem, *, starts: int = STARTS, seed: int = 0) -> 
     z = _start_points(density.size, starts, seed)
     start = start_at(problem, z)
     fits = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
-    fit = _best_of(problem, fits, 0, len(z))
+    fit = _best_of(problem, fits)
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
     if doubtful and fit.p_value is not None and fit.p_value < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed)
     return fit
 
 
-def _best_of(problem: Problem, fits: Fits, first: int, starts: int) -> LikelihoodFit:
-    """The best of so many rows from `first`, those of the starts of one run, with the other basins."""
-    rows = slice(first, first + starts)
-    best = first + int(_best_start(fits.converged[None, rows], fits.log_posterior[None, rows])[0])
+def _best_of(problem: Problem, fits: Fits) -> LikelihoodFit:
+    """The best of the rows, which are those of the starts of one run, with the other basins."""
+    best = int(_best_start(fits.converged[None], fits.log_posterior[None])[0])
     basins = [best]
-    for row in range(first, first + starts):
+    for row in range(len(fits.converged)):
         if row == best:
             continue
         near = fits.log_posterior[row] >= fits.log_posterior[best] - _WORTH_TELLING
         if fits.converged[row] and near and all(_apart(fits, row, known) for known in basins):
             basins.append(row)
     return single(problem, fits, best, basins[1:])
-
-
-def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit]:
-    """`fit_likelihood` of each of these problems, which differ in what was recorded alone: bit for bit the
-    same, but all starts of all of them climb side by side. Only what climbs in C does."""
-    first = problems[0]
-    joints, spots, readings = (
-        np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots", "readings")
-    )
-    density = Density(first, joints, spots, readings=readings)
-    if first.noise.separate or compiled_climb(density, flange_coordinates(density)) is None:
-        return [fit_likelihood(problem, seed=seed) for problem in problems]
-    z = _start_points(density.size, STARTS, seed)
-    start = np.concatenate([start_at(problem, z) for problem in problems])
-    rows = fit_rows(density, start, np.repeat(np.arange(len(problems)), len(z)))
-    fits = []
-    for k, problem in enumerate(problems):
-        fit = _best_of(problem, rows, k * len(z), len(z))
-        if _has_few_numbers(problem) and fit.p_value is not None and fit.p_value < CONTRADICTED:
-            fit = fit_likelihood(problem, seed=seed)  # from more starts
-        fits.append(fit)
-    return fits
 
 
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
@@ -473,30 +449,3 @@ def unbiased_weight(density: Density, x: Matrix, of: Index | None = None) -> Mat
     numbers = density.numbers(of)
     chi2 = numbers / density.noise_weight(x, of)
     return np.asarray(np.maximum(numbers - (density.size - rigid), 1e-3) / chi2)
-
-
-def fits_of(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit]:
-    """`fit_likelihood` of each, bit for bit: it does not depend on what is fitted beside it."""
-    groups: dict[Hashable, list[int]] = {}
-    for k, problem in enumerate(problems):
-        groups.setdefault(_apart_from_readings(problem), []).append(k)
-    by_index: dict[int, LikelihoodFit] = {}
-    for group in groups.values():
-        fits = fit_alike([problems[k] for k in group], seed=seed)
-        by_index.update(zip(group, fits, strict=True))
-    return [by_index[k] for k in range(len(problems))]
-
-
-def _apart_from_readings(problem: Problem) -> Hashable:
-    """What problems must have in common to differ in what was recorded alone."""
-    noise = problem.noise
-    arrays = (problem.target_index, problem.weights, problem.guessed, problem.active, noise.variances)
-    return (
-        id(problem.functions),  # the same for arms and tools that are the same
-        problem.parameters.items,
-        problem.targets,
-        problem.ties,
-        noise.estimated,
-        noise.separate,
-        *(part.tobytes() for part in arrays),
-    )

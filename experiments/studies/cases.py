@@ -117,6 +117,11 @@ class CaseStore(Closing, Generic[Case]):
                 ) from None
 
 
+def any_kept(path: Path) -> bool:
+    """Whether a store there has a finished case: a whole line behind its first."""
+    return path.exists() and path.read_bytes().count(b"\n") > 1
+
+
 @dataclass(frozen=True)
 class Engine:
     """How a study is carried out: its `seed`, who is told of the `progress`; with a `store` finished pieces

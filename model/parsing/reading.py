@@ -13,6 +13,7 @@ import json
 import math
 import os
 import re
+import shlex
 import stat
 import warnings
 from bisect import bisect_right
@@ -195,7 +196,10 @@ def _near_file(path: Path) -> str | None:
     except OSError:
         return f"the folder {path.parent} does not exist either"
     kind = _kind(path.name)
-    return did_you_mean(path.name, [name for name in names if not kind or _kind(name) == kind])
+    # By their stems, for they share their ending.
+    stems = {Path(name).stem: name for name in names if not kind or _kind(name) == kind}
+    near = _nearest(path.stem, stems)
+    return None if near is None else _meant(stems[near])
 
 
 def _kind(name: str) -> str:
@@ -225,12 +229,21 @@ def did_you_mean(word: str, known: Iterable[str]) -> str | None:
 
     Near is also the word without its unit (`a` for `a_mm`), and what people call the same thing (`ball`).
     """
+    near = _nearest(word, known)
+    return None if near is None else _meant(near)
+
+
+def _meant(name: str) -> str:
+    return f"did you mean {name!r}?"
+
+
+def _nearest(word: str, known: Iterable[str]) -> str | None:
     known, low = list(known), word.lower()
     same = [name for name in known if name.lower() == low or name.rpartition("_")[0] == low]
     if meant := _MEANT.get(low):
         same += [name for name in known if name == meant]
     near = same or difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f"did you mean {near[0]!r}?" if near else None
+    return near[0] if near else None
 
 
 def unknown_name(what: str, name: str, known: Sequence[str]) -> BadInput:
@@ -283,6 +296,12 @@ def read_yaml(path: Path) -> Document:
             f"the file holds more than {MOST_VALUES} values", file=path, line=error.args[0]
         ) from None
     except MarkedYAMLError as error:
+        if _begins_as_run(text):
+            raise BadInput(
+                "this is a run: JSON lines, not YAML",
+                remedy=f"analyse it: zerobeam analyse {shlex.quote(path.as_posix())}",
+                file=path,
+            ) from None
         mark = error.problem_mark or error.context_mark
         raise BadInput(
             f"the file is not valid YAML: {error.problem or error.context}",
@@ -300,6 +319,14 @@ def read_yaml(path: Path) -> Document:
         )
     lines: dict[KeyPath, int] = {(): node.start_mark.line + 1}
     return Document(_plain(node, (), path, lines), path, sha256, lines)
+
+
+def _begins_as_run(text: str) -> bool:
+    try:
+        top = json.loads(text.lstrip().partition("\n")[0])
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(top, dict) and str(top.get("schema")).startswith("zerobeam/run/")
 
 
 CORE_SCHEMA: tuple[tuple[re.Pattern[str], Callable[[str], Any]], ...] = (
@@ -489,13 +516,17 @@ def json_rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], int | 
                 f"the line is not JSON: {error.msg} at character {error.pos + 1}",
                 found=shown(text[:70]),
                 allowed="one JSON object a line: the header, then the measurements",
-                remedy="remove the line if the recording broke off here"
-                if rows
-                else "give a run file (.jsonl)",
+                remedy="remove the line if the recording broke off here" if rows else _run_instead(path),
                 file=path,
                 line=number,
             ) from None
     return rows, None
+
+
+def _run_instead(path: Path) -> str:
+    if path.suffix.lower() == ".csv":
+        return f"make a run of it: zerobeam import csv {shlex.quote(path.as_posix())} … (--help says how)"
+    return "give a run file (.jsonl)"
 
 
 # Made once: json.dumps makes one for each line.

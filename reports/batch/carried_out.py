@@ -9,16 +9,13 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from itertools import islice
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ...analysis.analyse import Analysis, analyse
 from ...analysis.answer.result import Result
-from ...analysis.estimation.fit import LikelihoodFit, fits_of
-from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.solution import require_noise_data
 from ...analysis.status import versions
 from ...experiments.batch import (
     Batch,
@@ -36,7 +33,6 @@ from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
-from ...model.likelihood.problem import Problem
 from ...model.records import dumps
 from ...words.message import contradicted, headline, message
 from ...words.sentences import to_json
@@ -47,6 +43,7 @@ from ..run.report import REPORT, RESULT, write_report
 from .batch_page import FILES, write_batch
 
 STORE = "finished.jsonl"
+OF_A_PROCESS = 16  # runs at least: it takes longer to start than a few take to solve
 
 
 def batch(
@@ -126,19 +123,14 @@ def _carried_out(
             else:
                 yield BatchRun(name, file, run)
 
-    # A process takes longer to start than a piece takes to solve.
-    processes = min(processes or os.cpu_count() or 1, -(-len(files) // TOGETHER))
-    runs = left()
-    together = iter(lambda: tuple(islice(runs, TOGETHER)), ())
-    pieces = (BatchPiece(some, settings) for some in together)
-    with closing(side_by_side(solved_piece, pieces, processes)) as answers:
-        for _, piece in answers:
-            for answer in piece:
-                name = answer.row.name
-                _write(folder / name, answer)
-                kept.add(len(kept.done), Finished(keys[name], answer.row))
-                rows[name] = answer.row
-                tell()
+    processes = min(processes or os.cpu_count() or 1, -(-len(files) // OF_A_PROCESS))
+    with closing(side_by_side(partial(solved, settings=settings), left(), processes)) as answers:
+        for _, answer in answers:
+            name = answer.row.name
+            _write(folder / name, answer)
+            kept.add(len(kept.done), Finished(keys[name], answer.row))
+            rows[name] = answer.row
+            tell()
     return [rows[names[file]] for file in shown]
 
 
@@ -169,9 +161,6 @@ def _write(folder: Path, answer: BatchAnswer) -> None:
     write_folder(folder, REPORT, fill)
 
 
-TOGETHER = 16  # runs of a piece: their starts climb side by side in one thread
-
-
 @dataclass(frozen=True, eq=False)
 class BatchRun:
     """A run with its name in the batch, and the path of its file as it is shown."""
@@ -179,14 +168,6 @@ class BatchRun:
     name: str
     file: str
     run: Run
-
-
-@dataclass(frozen=True, eq=False)
-class BatchPiece:
-    """Runs that are solved together; an answer does not depend on which."""
-
-    runs: tuple[BatchRun, ...]
-    settings: BatchSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,11 +181,13 @@ class BatchAnswer:
         return {name: zlib.decompress(content) for name, content in self.packed.items()}
 
 
-def solved_piece(piece: BatchPiece) -> list[BatchAnswer]:
-    """The answer of every run; what goes wrong with one is said in its row, and the others go on."""
-    with one_blas_thread():
-        fits = _fits(piece)
-        return [_answer(one, piece.settings, fits.get(one.name)) for one in piece.runs]
+def solved(one: BatchRun, settings: BatchSettings) -> BatchAnswer:
+    """The answer of a run; what goes wrong with it is said in its row, and the others go on."""
+    try:
+        analysis = analyse(one.run, seed=settings.seed, ess=settings.ess, sampling=settings.sampling)
+        return BatchAnswer(_row(one, analysis.result), _packed(analysis, settings))
+    except Exception as error:  # noqa: BLE001 - one bad run must not stop the others
+        return BatchAnswer(failed(one.name, one.file, error, one.run), {})
 
 
 def failed(name: str, file: str, error: Exception, run: Run | None = None) -> BatchRow:
@@ -219,32 +202,6 @@ def failed(name: str, file: str, error: Exception, run: Run | None = None) -> Ba
         message = f"a fault of zerobeam itself, please report it: {what}"
     sha256, robot = (None, None) if run is None else (run.sha256, run.robot.name)
     return BatchRow(name, file, "failed", message, sha256, robot)
-
-
-def _fits(piece: BatchPiece) -> dict[str, LikelihoodFit]:
-    """The fits that can be made side by side, by the run's name; whatever fails does so again on its own."""
-    problems: dict[str, Problem] = {}
-    for one in piece.runs:
-        if one.run.header.arm is None:
-            try:
-                one.run.require_analysable()
-                problem = Problem.from_run(one.run)
-                require_noise_data(problem)
-            except ZerobeamError:
-                continue
-            problems[one.name] = problem
-    try:
-        return dict(zip(problems, fits_of(list(problems.values()), seed=piece.settings.seed), strict=True))
-    except (BadInput, ArithmeticError, ValueError, np.linalg.LinAlgError):
-        return {}
-
-
-def _answer(one: BatchRun, settings: BatchSettings, fit: LikelihoodFit | None) -> BatchAnswer:
-    try:
-        analysis = analyse(one.run, seed=settings.seed, ess=settings.ess, sampling=settings.sampling, fit=fit)
-        return BatchAnswer(_row(one, analysis.result), _packed(analysis, settings))
-    except Exception as error:  # noqa: BLE001 - one bad run must not stop the others
-        return BatchAnswer(failed(one.name, one.file, error, one.run), {})
 
 
 def _packed(analysis: Analysis, settings: BatchSettings) -> dict[str, bytes]:

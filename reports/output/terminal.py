@@ -103,7 +103,7 @@ def page_text(page: Page) -> str:
 
 def table_text(table: Table) -> str:
     """A table as plain text, its caption first."""
-    return _indented(table.caption, lambda out: _print_rows(out, table))
+    return _indented(table.caption, lambda out: print_rows(out, table))
 
 
 def _indented(head: str, show: Callable[[Console], None]) -> str:
@@ -210,12 +210,13 @@ def _print_table(out: Console, table: Table) -> None:
     more = len(table.rows) - _FIRST_ROWS if len(table.rows) > _MOST_ROWS else 0
     if table.caption:
         print_text(out, "", table.caption, "italic")
-    _print_rows(out, replace(table, rows=table.rows[:_FIRST_ROWS]) if more else table)
+    print_rows(out, replace(table, rows=table.rows[:_FIRST_ROWS]) if more else table)
     if more:
         print_text(out, f"… {more} more: see --json or the report")
 
 
-def _print_rows(out: Console, table: Table) -> None:
+def print_rows(out: Console, table: Table) -> None:
+    """All rows of a table, however many they are."""
     for line in table_lines(table, out.width):
         out.print(line, soft_wrap=True)
 

@@ -68,6 +68,19 @@ def test_a_bad_file_is_named_and_the_others_are_added(kept: Path) -> None:
     assert told == {"added": 1, "replaced": 0, "already_there": 0, "refused": 0, "failed": []}
 
 
+def test_a_run_that_is_there_under_another_arm_is_told_so(kept: Path) -> None:
+    """`--replace` was the advice, and gave the same error."""
+    nameless = write_result(kept / "more" / "nameless.json", a_result(None))
+    zerobeam("history", "add", nameless, "--serial", "C")
+    for more in ((), ("--replace",)):
+        told = zerobeam("history", "add", nameless, "--serial", "D", *more)
+        said = " ".join(told.err.split())
+        assert told.status == 2
+        assert "under another arm: serial C" in said
+        assert "for serial D" in said
+        assert "--replace" not in said
+
+
 @pytest.mark.long
 def test_a_run_is_solved_as_analyse_does_and_only_once(kept: Path) -> None:
     lines = next(demo.path for demo in demo_runs() if demo.name == "good").read_text().splitlines()

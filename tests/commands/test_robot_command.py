@@ -12,7 +12,6 @@ from zerobeam.experiments.new_robot import typed_vendor
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 
 
-@pytest.mark.long
 def test_the_built_in_robots_are_listed() -> None:
     lines = zerobeam("robot", "--list").out.splitlines()
     assert [line.split()[0] for line in lines[1:]] == list(built_in_robots())

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import zerobeam
 
-from zerobeam.experiments.studies.cases import CaseStore, Engine
+from zerobeam.experiments.studies import cases
+from zerobeam.experiments.studies.cases import CaseStore, Engine, any_kept
 from zerobeam.experiments.studies.cell import cell_study
 from zerobeam.experiments.studies.coverage import coverage_study
 from zerobeam.experiments.studies.drift_coverage import drift_study
@@ -31,9 +33,12 @@ def kept(path: Path) -> dict[int, dict[str, object]]:
 def test_cases_are_on_the_disk_at_once_and_come_back_to_the_bit(tmp_path: Path) -> None:
     path = tmp_path / "new" / "own.jsonl"
     answer = {"std": 0.1 + 0.2, "none": None, "words": "é"}
+    assert not any_kept(path)
     with CaseStore(path, HEADING, dict) as store:
         assert store.done == {}
+        assert not any_kept(path)
         store.add(3, answer)
+        assert any_kept(path)
         assert len(path.read_text(encoding="utf-8").splitlines()) == 2
         store.add(0, {})
     assert kept(path) == {3: answer, 0: {}}
@@ -167,3 +172,18 @@ def test_what_became_of_a_piece_is_read_back(study: str, monkeypatch: pytest.Mon
     monkeypatch.setattr(Engine, "each", each)
     with pytest.raises(_FirstPiece):
         STUDIES[study](Engine(0, processes=1))
+
+
+def test_a_stopped_study_promises_to_go_on_with_what_it_kept_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(work: object, jobs: list[object], processes: object) -> Iterator[tuple[int, object]]:
+        yield from ((number, work(job)) for number, job in enumerate(jobs[:answered]))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cases, "side_by_side", stopped)
+    asked = ("study", "drift", "--arms", "20", "-o", tmp_path / "out")
+    answered = 0
+    assert "kept" not in zerobeam(*asked).err
+    answered = 1
+    assert "The finished cases are kept in" in zerobeam(*asked).err

@@ -1,12 +1,15 @@
 import os
+import shlex
 import socket
 from pathlib import Path
 
 import pytest
+from exact_runs import demo_runs
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
+from zerobeam.model.files.run import read_run
 from zerobeam.model.parsing import reading
 from zerobeam.model.parsing.reading import (
     LARGEST_YAML,
@@ -106,10 +109,24 @@ def test_missing_file_folder_and_empty_file(tmp_path, refused):
     assert refused(read_text, tmp_path / "file.ls").remedy is None  # another kind of file
     assert "'file.yaml'" in str(refused(read_text, tmp_path / "file.yml"))
     assert "'file.yaml'" in str(refused(read_text, tmp_path / "file"))
+    assert refused(read_text, tmp_path / "long.yaml").remedy is None  # the ending alone is alike
     assert "does not exist either" in str(refused(read_text, tmp_path / "no" / "file.yaml"))
     assert "folder" in refused(read_text, tmp_path).what
     assert "empty" in refused(read_text, yaml(tmp_path, " \n\n")).what
     assert "cannot be read" in refused(read_text, Path("a\0b")).what
+
+
+def test_a_run_that_is_given_for_a_yaml_file_is_called_one(tmp_path, refused):
+    run = demo_runs()[0].path
+    error = refused(read_yaml, run)
+    assert "this is a run" in error.what
+    assert error.remedy == f"analyse it: zerobeam analyse {shlex.quote(run.as_posix())}"
+
+
+def test_a_table_that_is_given_for_a_run_is_to_be_imported(tmp_path, refused):
+    table = tmp_path / "my shots.csv"
+    table.write_text("1,2,3\n")
+    assert f"zerobeam import csv '{table}'" in refused(read_run, table).remedy
 
 
 def test_only_regular_files_are_opened(tmp_path, refused):

@@ -110,22 +110,65 @@ def test_a_result_is_that_of_analyse_without_the_posterior(done):
 def test_what_is_done_is_read_back_and_not_done_again(done, monkeypatch):
     out, found = done
     solved = []
-    monkeypatch.setattr(carried_out, "solved_piece", solved.append)
+    monkeypatch.setattr(carried_out, "solved", lambda one, settings: solved.append(one))
     assert to_json(carried(out.parent)) == to_json(found)
     assert solved == []
+
+
+def count_solved(monkeypatch, names):
+    """The name of each run that is solved goes to `names`."""
+    solve = carried_out.solved
+
+    def counted(one, settings):
+        names.append(one.name)
+        return solve(one, settings)
+
+    monkeypatch.setattr(carried_out, "solved", counted)
+
+
+def test_a_run_is_kept_as_soon_as_it_is_solved(runs, monkeypatch):
+    """They were kept sixteen at a time, and Ctrl-C promised to go on with what was lost."""
+    solve = carried_out.solved
+
+    def stopped(one, settings):
+        if one.name == stops_at:
+            raise KeyboardInterrupt
+        return solve(one, settings)
+
+    monkeypatch.setattr(carried_out, "solved", stopped)
+    asked = ("batch", runs / "monday", "-o", runs / "out", "--no-posterior")
+    stops_at = "arm"
+    assert "kept" not in zerobeam(*asked).err
+    stops_at = "pattern"
+    assert "The finished runs are kept in" in zerobeam(*asked).err
+    names: list[str] = []
+    stops_at = ""
+    count_solved(monkeypatch, names)
+    zerobeam(*asked)
+    assert names == ["pattern"]
+
+
+def test_a_report_stays_where_the_same_result_is_asked_for_without(runs, monkeypatch):
+    solved = []
+    count_solved(monkeypatch, solved)
+    asked = ("batch", runs / "monday" / "pattern.jsonl", "-o", runs / "out", "--no-posterior")
+    zerobeam(*asked, "--report")
+    report = runs / "out" / "pattern" / "report.html"
+    before = report.read_bytes()
+    zerobeam(*asked)
+    assert solved == ["pattern"]
+    assert report.read_bytes() == before
+    # What is missing is made.
+    report.unlink()
+    zerobeam(*asked, "--report")
+    assert report.is_file()
 
 
 @pytest.mark.long
 def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
     (runs / "tuesday" / "misfit.jsonl").unlink()
     solved = []
-    piece = carried_out.solved_piece
-
-    def counted(own):
-        solved.extend(one.name for one in own.runs)
-        return piece(own)
-
-    monkeypatch.setattr(carried_out, "solved_piece", counted)
+    count_solved(monkeypatch, solved)
     first = carried(runs)
     assert len(solved) == 3
     again = carried(runs)
