@@ -30,6 +30,7 @@ from .history_tables import (
     FEW_RATES,
     UNDECIDED,
     change_sentence,
+    changes_of_assumed,
     day,
     due_sentence,
     events_table,
@@ -151,6 +152,8 @@ def _notes(history: ArmHistory) -> Iterator[str]:
     if len(arm.undecided) > (UNDECIDED in headline(history).sentence):  # that of one change is said there
         either = [f"{label(one.offset)}, {day(one.after)} to {day(one.before)}" for one in arm.undecided]
         yield f"Jump or drift ({UNDECIDED}): {listed(either, 4)}"
+    if resting := changes_of_assumed(arm):
+        yield resting
     if arm.left_out and arm.used:
         left = len(arm.left_out)
         count = f"{left} of {len(history.results)} results {'does' if left == 1 else 'do'}"

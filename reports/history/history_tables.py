@@ -222,8 +222,8 @@ def offsets_blocks(arm: ArmDrift) -> Iterator[Block]:
     )
     if assumed := [label(offset.name) for offset in arm.offsets if offset.status == "assumed"]:
         yield Paragraph(
-            f"{listed(assumed)}: assumed. What was assumed is the same in every result: more results do not"
-            " make it better."
+            f"{listed(assumed)}: assumed. What was assumed is the same in every result, as long as nothing"
+            " was mounted anew: more results do not make it better."
         )
 
 
@@ -265,6 +265,16 @@ def jumps_blocks(arm: ArmDrift) -> Iterator[Block]:
         )
     elif not arm.jumps:
         yield Paragraph(without_jump(arm))
+
+
+def changes_of_assumed(arm: ArmDrift) -> str:
+    """What the changes of offsets that rest on an assumption rest on too; empty where none changed."""
+    assumed = {offset.name for offset in arm.offsets if offset.status == "assumed"}
+    changed = dict.fromkeys(one.offset for one in (*arm.jumps, *arm.undecided) if one.offset in assumed)
+    if not changed:
+        return ""
+    names = listed([label(name) for name in changed])
+    return f"{names}: assumed. Its change is the arm's only if tool and instrument were not mounted anew"
 
 
 def without_jump(arm: ArmDrift) -> str:

@@ -61,6 +61,17 @@ def test_what_is_assumed_is_not_shown_as_measured() -> None:
     assert f"fill: {band}; fill-opacity" in pictures(own)["trend"].svg
 
 
+@pytest.mark.parametrize(("offset", "said"), [(-1, True), (0, False)])
+def test_a_change_of_what_is_assumed_may_be_that_of_its_mounting(offset: int, said: bool) -> None:
+    page = arm_page(arm_history(over_years(4, jump=(2, offset, 1.0))))
+    notes = [note for note in page.notes if "mounted anew" in note]
+    assert (
+        notes
+        == ["J6 (δ6): assumed. Its change is the arm's only if tool and instrument were not mounted anew"]
+        * said
+    )
+
+
 @pytest.mark.long
 def test_the_due_date_comes_first_and_every_calibration_is_listed() -> None:
     own = arm_history(over_years(6, walk=0.01, psd="Hamamatsu 17", who="J. Doe"))
