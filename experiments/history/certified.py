@@ -9,6 +9,7 @@ from datetime import date
 from typing import Annotated, Any, Final, Literal
 
 from ...analysis.acceptance.acceptance import MeasuredError
+from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.diagnostics.values_to_enter import TcpError
@@ -172,7 +173,7 @@ class Certificate(CertifiedResult):
     issued: str
     offsets: tuple[CertifiedOffset, ...]
     k: Annotated[float, internal]
-    result: Annotated[Result, inline("headline", "conformity", "misfit", "notes")]
+    result: Annotated[Result, inline("headline", "conformity", "misfit")]
     acceptance: Annotated[Verified | None, internal]
     fingerprint: Annotated[str, internal]
 
@@ -180,6 +181,13 @@ class Certificate(CertifiedResult):
     @key("of the robot's maker")
     def vendor(self) -> str | None:
         return self.result.inputs.vendor
+
+    @property
+    @key("as in the result; before them the action of its message, where nothing may be entered")
+    def notes(self) -> tuple[str, ...]:
+        action = self._message.action.text
+        first = (action,) if action and not self._message.may.enter else ()
+        return (*first, *(self.result.notes or ()))
 
     @property
     @key("whether the provenance says that the run was simulated")
@@ -232,9 +240,10 @@ class Certificate(CertifiedResult):
         return {"tcp": None if self.result.enter is None else self.result.enter.tcp_before}
 
     @property
-    @key("once the values are entered")
+    @key("once the values are entered; null where nothing may be entered")
     def expected(self) -> dict[str, TcpError | None]:
-        return {"tcp": None if self.result.enter is None else self.result.enter.tcp_after}
+        enter = self.result.enter if self._message.may.enter else None
+        return {"tcp": None if enter is None else enter.tcp_after}
 
     @property
     @key("what was measured with the corrected robot; null where nothing was")
@@ -268,6 +277,10 @@ class Certificate(CertifiedResult):
     @key("the version of zerobeam that wrote the certificate")
     def written_by(self) -> str:
         return versions()["zerobeam"]
+
+    @property
+    def _message(self) -> Message:
+        return read_message(self.result)
 
     @property
     def _provenance(self) -> dict[str, object]:

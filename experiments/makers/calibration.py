@@ -41,6 +41,7 @@ from ...model.parsing.reading import did_you_mean, read_bytes
 from ...model.records import inline, internal, it, key, record
 from ...words.case import RunCase
 from ...words.catalogue import against
+from ...words.message import message_so_far
 from ...words.misfit_words import criterion_sentence, misfit_headline
 from ...words.observability import reason_of
 from ...words.provenance import is_simulated
@@ -467,7 +468,7 @@ def calibration(
             RunInputs(run.path.name, run.sha256, run.robot.name, solution.problem.shots, SEED, versions()),
             solution.misfit is not None,
             (
-                *_simulated(run),
+                *_not_to_enter(solution, run, holds),
                 *_relative(corrected_before, holds),
                 *_weak_values(offsets),
                 *map(criterion_sentence, solution.contradictions),
@@ -482,8 +483,13 @@ def _made_up_for(offsets: Sequence[JointOffset], geometry: Sequence[GeometryValu
     return () if out else tuple(one.name for one in offsets if one.exported)
 
 
-def _simulated(run: Run) -> tuple[str, ...]:
-    return (NO_ROBOT,) if is_simulated(run.header.provenance) else ()
+def _not_to_enter(solution: Solution, run: Run, holds: Holds) -> tuple[str, ...]:
+    """That nothing is to be entered, where the run's message says so; of programs that are corrected posture
+    by posture nothing is entered anyway."""
+    if is_simulated(run.header.provenance):
+        return (NO_ROBOT,)
+    content = message_so_far(solution, run.path.name, run.header)
+    return () if content.may.enter or holds == "postures" else (content.action.text,)
 
 
 def _weak_values(offsets: Sequence[JointOffset]) -> tuple[str, ...]:

@@ -219,7 +219,7 @@ def _notes(certificate: Certificate) -> Iterator[str]:
     if certificate.not_determined:
         names = listed([label(name) for name in certificate.not_determined])
         yield f"Not determined by these measurements and not certified: {names}."
-    for note in certificate.result.notes or ():
+    for note in certificate.notes:
         yield ended(sentence(with_labels(note)))
 
 

@@ -9,17 +9,29 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import OPEN_LASER, OPEN_PROBE, good_plan, pattern_plan, run_of, simulated
-from export_runs import TRUTH, arm_run, hostile
+from cells import (
+    OPEN_LASER,
+    OPEN_PROBE,
+    good_plan,
+    header,
+    pattern_plan,
+    plan_of,
+    run_of,
+    simulated,
+    varied_postures,
+)
+from export_runs import STATED, TRUTH, arm_run, hostile
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
 from zerobeam.analysis.posterior.posterior import PosteriorSummary
-from zerobeam.experiments.makers.calibration import calibration
+from zerobeam.experiments.makers.calibration import NO_ROBOT, calibration
 from zerobeam.experiments.makers.maker import one_line
 from zerobeam.model.errors import BadInput, FitFailed
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
+from zerobeam.words.message import message
 
 Refused = Callable[..., BadInput]
 
@@ -191,6 +203,28 @@ def test_a_run_that_is_not_predicted_is_exported_by_nothing(refused: Refused) ->
     same, other = (replace(simulated(plan, truth, 5)[1], sha256="1" * 64) for truth in (TRUTH, other_arm))
     assert calibration(run, held_out=same).offsets
     assert "is predicted with errors" in refused(calibration, run, held_out=other).found
+
+
+def test_a_file_says_what_the_message_says_where_nothing_may_be_entered() -> None:
+    """A UR whose run was analysed with the nominal arm; other arms, and what no robot was measured for."""
+    target = (500.0, 100.0, 200.0)
+
+    def run(robot: str, **provenance: str) -> Run:
+        own = header(STATED, target=target, robot=robot, geometry="exact", provenance=provenance)
+        arm = load_robot(robot)
+        return simulated(plan_of(own, varied_postures(own, arm, target, 12, 5), robot=arm), TRUTH, 2)[1]
+
+    nominal = run("ur5e")
+    (said,) = calibration(nominal).warnings
+    content = message(analyse(nominal, sampling="never").result)
+    assert not content.may.enter
+    assert said == content.action.text
+    assert "apply that calibration twice" in said
+    head = " ".join(line.strip() for line in calibration(nominal).head)
+    assert f"note: {said}" in head
+    assert calibration(run("ur5e", origin="simulated")).warnings == (NO_ROBOT,)
+    assert calibration(nominal, holds="postures").warnings == ()
+    assert calibration(run("irb120")).warnings == ()
 
 
 def test_names_stay_on_one_line_of_ascii(tmp_path: Path) -> None:

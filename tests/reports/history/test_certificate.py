@@ -323,6 +323,23 @@ def test_what_is_not_determined_has_no_number_anywhere(tmp_path: Path) -> None:
         kept(tmp_path / "certificate", claimed)
 
 
+def test_it_says_what_to_do_where_nothing_may_be_entered(tmp_path: Path) -> None:
+    """As the message, which alone decides; and expects nothing of values that are not entered."""
+    answer = a_result()
+    for enter in (False, True):
+        answer["message"]["may"]["enter"] = enter
+        answer["message"]["action"]["text"] = "Enter nothing yet: plan and measure."
+        folder = written(tmp_path / str(enter), answer)
+        said = [] if enter else ["Enter nothing yet: plan and measure."]
+        assert stated(folder)["notes"] == [*said, *answer["notes"]]
+        assert (stated(folder)["expected"]["tcp"] is None) is not enter
+        shown = Page((folder / "certificate.html").read_text(encoding="utf-8")).words
+        for text in (shown, pdf_text(folder / "certificate.pdf")):
+            plain = " ".join(text.split())
+            assert ("Enter nothing yet: plan and measure." in plain) is not enter
+            assert ("Expected as left" in plain) is enter
+
+
 def test_a_misfit_is_not_certified(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"not certified[\s\S]*The model does not describe"):
         of_result(tmp_path, example_results.misfit())
@@ -402,7 +419,8 @@ def test_what_the_result_found_and_a_simulation_are_on_the_first_page(tmp_path: 
     assert found.simulated
     notes = certificate_page(found).notes
     assert notes[0].startswith("These measurements were simulated")
-    assert notes[1] == "Outlying: measurement 3; J4 (δ4) hangs on it."
+    assert notes[1].startswith("Enter nothing: no robot was measured")
+    assert notes[2] == "Outlying: measurement 3; J4 (δ4) hangs on it."
 
 
 def test_names_do_no_harm(tmp_path: Path) -> None:
