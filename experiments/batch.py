@@ -57,7 +57,9 @@ class BatchRow:
             " `message` says why, and there is nothing else"
         ),
     ]
-    message: Annotated[str, it("the headline, or why the run failed")]
+    message: Annotated[
+        str, it("the headline, and why nothing is to be entered by a pass; or why the run failed")
+    ]
     sha256: Annotated[str | None, it("of the run")] = None
     robot: Annotated[str | None, it("its name")] = None
     serial: Annotated[str | None, it("its serial number, where the run states it")] = None
@@ -75,6 +77,7 @@ class BatchRow:
         it("`sampled`, `not converged`, `not needed`, `not sampled` or `nothing identifiable`"),
     ] = None
     offsets: Annotated[tuple[BatchOffset, ...], it("rows of its offsets")] = ()
+    simulated: Annotated[bool, it("whether its provenance says that it was simulated")] = False
 
     def __post_init__(self) -> None:
         if self.outcome == "failed" and self.offsets:

@@ -29,6 +29,12 @@ _MOST_CAUTIONS = 6
 _MOST_REASONS = 2
 NONE_ESTIMATED = "No offset is estimated: all are held."
 
+
+def said_word(word: str, simulated: bool) -> str:
+    """The word of a verdict, of a simulated run as such."""
+    return f"Simulated: {word.lower()}" if simulated else word
+
+
 # `stop`: no value of the answer is relied on. `doubt`: none is entered yet. `note`: it is said.
 Gravity = Literal["stop", "doubt", "note"]
 Standing = Literal["cause or caution", "cause", "caution", "before the cause", "nowhere"]

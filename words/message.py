@@ -35,7 +35,7 @@ from .enter import (
     links_step,
     met_words,
 )
-from .entries import VERDICT_WORDS, graded, message_by, rows_of, sentences_of, worst_of
+from .entries import VERDICT_WORDS, graded, message_by, rows_of, said_word, sentences_of, worst_of
 from .geometry_words import tolerance_words
 from .observability import named_part
 from .plan_catalogue import plan_headline, plan_message
@@ -183,8 +183,7 @@ def _verdict(case: RunCase, of: str) -> str:
 
 def _judged(case: RunCase) -> str:
     """The verdict's word, that of a simulated run as such; and whether the robot meets what it must."""
-    word = VERDICT_WORDS[case.verdict]
-    word = f"Simulated: {word.lower()}" if case.simulated else word
+    word = said_word(VERDICT_WORDS[case.verdict], case.simulated)
     run = prediction_failed(case.findings)
     if run is not None and case.verdict == "pass":
         return f"{word} of this run alone, but it does not predict {clipped(shown(run), 60)}: enter nothing"
@@ -260,9 +259,8 @@ def verdict_words(verdict: Verdict, content: Message | None) -> str:
 
 def result_words(result: Result) -> str:
     """A result.json in a line: the verdict's word, how well the least well determined offset is known."""
-    word, content = VERDICT_WORDS[result.verdict], read_message(result)
-    if is_simulated(result.inputs.provenance):
-        word = f"Simulated: {word.lower()}"
+    content = read_message(result)
+    word = said_word(VERDICT_WORDS[result.verdict], is_simulated(result.inputs.provenance))
     if contradicted(result.verdict, content):
         return f"{word} of this run alone: enter nothing"
     if result.verdict == "misfit":

@@ -19,7 +19,7 @@ from ...model.errors import missing_extra
 from ...model.files.whole_file import write_whole
 from ...model.records import dumps, to_json
 from ...words import numbers
-from ...words.entries import VERDICT_WORDS
+from ...words.entries import VERDICT_WORDS, said_word
 from ...words.spreadsheet import csv_text
 from ...words.wording import clipped, counted, label, person, shown
 from ..output.html import html
@@ -68,6 +68,8 @@ def batch_page(done: Batch) -> Page:
     key, word = ("pass", "All pass") if done.passed else ("weak", "Not all pass")
     runs = "run" if count == 1 else "runs"
     sentence = f"{passed:,} of {count:,} {runs} {'is a pass' if passed == 1 else 'are a pass'}"
+    if simulated := sum(row.simulated for row in done.rows if row.outcome == "pass"):
+        sentence += f" ({simulated:,} simulated)"
     others = [
         f"{done.counts[outcome]:,} {_WORDS[outcome].lower()}"
         for outcome in OUTCOMES[:-1]
@@ -217,7 +219,7 @@ def _run(row: BatchRow) -> str:
 
 
 def _outcome(row: BatchRow) -> Cell:
-    return Cell(_WORDS[row.outcome], mark=_MARK[row.outcome])
+    return Cell(said_word(_WORDS[row.outcome], row.simulated), mark=_MARK[row.outcome])
 
 
 def _worst(row: BatchRow) -> str:
@@ -294,7 +296,7 @@ PAGE, ANSWER, RUNS, OFFSETS = "batch.html", "batch.json", "runs.csv", "offsets.c
 _PARQUET = {RUNS: "runs.parquet", OFFSETS: "offsets.parquet"}
 _NUMBERS = {
     **dict.fromkeys(("worst_u", "residuals_over_noise", "p_value", "estimate", "u"), "float64"),
-    **{"low95": "float64", "high95": "float64", "measurements": "int64"},
+    **{"low95": "float64", "high95": "float64", "measurements": "int64", "simulated": "bool_"},
 }  # columns of Parquet; the others are text
 FILES = frozenset({PAGE, ANSWER, RUNS, OFFSETS, *_PARQUET.values()})
 
@@ -325,7 +327,8 @@ def require_parquet() -> None:
 _RUN_ROWS: Any = flat(
     "rows",
     "run=1.name file outcome robot serial when measurements worst_offset=1.worst.name worst_u=1.worst.u"
-    " unit=1.worst.unit residuals_over_noise=1.factor p_value misfit odd_offset posterior message sha256",
+    " unit=1.worst.unit residuals_over_noise=1.factor p_value misfit odd_offset posterior message sha256"
+    " simulated",
 )
 _OFFSET_ROWS: Any = flat(
     "rows offsets",

@@ -35,6 +35,7 @@ from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.records import dumps
 from ...words.message import contradicted, headline, message
+from ...words.provenance import is_simulated
 from ...words.sentences import to_json
 from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
@@ -219,13 +220,16 @@ def _packed(analysis: Analysis, settings: BatchSettings) -> dict[str, bytes]:
 def _row(one: BatchRun, result: Result) -> BatchRow:
     if not result.likelihood.converged:
         return failed(one.name, one.file, BadInput(message(result).verdict), one.run)
-    fit, inputs = result.likelihood, result.inputs
+    fit, inputs, content = result.likelihood, result.inputs, message(result)
+    nothing_entered = contradicted(result.verdict, content)
+    sentence = headline(result, person)
     when, serial = when_and_serial(inputs)
     return BatchRow(
         name=one.name,
         file=one.file,
-        outcome="weak" if contradicted(result.verdict, message(result)) else result.verdict,
-        message=headline(result, person),
+        outcome="weak" if nothing_entered else result.verdict,
+        message=f"{sentence} {content.action.text}" if nothing_entered else sentence,
+        simulated=is_simulated(inputs.provenance),
         sha256=inputs.sha256,
         robot=inputs.robot,
         serial=serial,

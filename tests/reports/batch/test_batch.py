@@ -6,14 +6,16 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from cells import exact_copy
+from cells import exact_copy, header, plan_of, simulated, varied_postures
 from command_line import zerobeam
 from exact_runs import demo_runs
+from export_runs import STATED, TRUTH, saved
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.batch import Batch, BatchOffset, BatchRow
 from zerobeam.experiments.command_options import BatchSettings
 from zerobeam.model.errors import BadInput
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps
 from zerobeam.reports.batch import carried_out
@@ -224,11 +226,31 @@ def test_the_tables_as_parquet(runs):
 def test_the_command(runs):
     told = zerobeam("batch", runs / "monday", "-o", runs / "out", "--no-posterior")
     assert told.status == 1, told.err
-    assert told.out.startswith("Not all pass. 1 of 2 runs is a pass: 1 degenerate.")
+    assert told.out.startswith("Not all pass. 1 of 2 runs is a pass (1 simulated): 1 degenerate.")
     good = zerobeam("batch", runs / "monday" / "arm.jsonl", "-o", runs / "good", "--json")
     assert good.status == 0
     assert good.json["schema"] == "zerobeam/batch/1"
     assert good.json["settings"]["sampling"] == "where needed"
+
+
+def test_a_row_says_what_page_one_of_its_run_says(tmp_path):
+    """Of a pass by which nothing is to be entered why; of a simulated run that it is one."""
+    target = (500.0, 100.0, 200.0)
+    own = header(STATED, target=target, robot="ur5e", geometry="exact")
+    arm = load_robot("ur5e")
+    plan = plan_of(own, varied_postures(own, arm, target, 12, 5), robot=arm)
+    nominal = saved(tmp_path, own, simulated(plan, TRUTH, 2)[1]).path
+    demo = exact_copy(GOOD, tmp_path / "demo.jsonl")
+    found = batch([nominal, demo], tmp_path / "out", SETTINGS, lambda *_: None, processes=1)
+    rows = {row.name: row for row in found.rows}
+    assert (rows["run"].outcome, rows["run"].simulated) == ("weak", False)
+    assert "apply that calibration twice" in rows["run"].message
+    assert (rows["demo"].outcome, rows["demo"].simulated) == ("pass", True)
+    assert "nter nothing" not in rows["demo"].message
+    assert [row["simulated"] for row in table(tmp_path / "out" / "runs.csv")] == ["False", "True"]
+    page = (tmp_path / "out" / "batch.html").read_text()
+    for said in ("1 of 2 runs is a pass (1 simulated): 1 weakly observable", "Simulated: pass"):
+        assert said in page
 
 
 def row(name, estimate, u=0.02):
