@@ -48,7 +48,8 @@ def shown_programs(path: Path, vendor: str | None = None) -> Conversion:
 def kept_programs(
     path: Path, zeros: ZeroOptions, choices: BackupOptions, out: Path | None = None
 ) -> Conversion:
-    """The backup for an arm whose zeros were entered: its positions keep their places."""
+    """The backup for an arm whose zeros were entered: its positions keep their places. BadInput where they
+    are those of a simulated run."""
     stated_ways = [
         bool(zeros.entered),
         zeros.run is not None,
@@ -63,6 +64,7 @@ def kept_programs(
     notes: tuple[str, ...] = ()
     robot = _robot(zeros.robot, run)
     if run is not None:
+        _require_measured(run)
         judged = calibration(run)
         entered = np.array([one.applied if one.exported else 0.0 for one in judged.offsets])
         source = f"the values to enter of {run.path.name}"
@@ -89,12 +91,7 @@ def reached_programs(
     assumed, unless `options` allow or exclude it.
     """
     recorded = read_run(run)
-    if is_simulated(recorded.header.provenance):
-        raise BadInput(
-            "the run is simulated: no robot was measured, and the positions of none are corrected by it",
-            remedy="name the run of the robot that this backup is of",
-            file=run,
-        )
+    _require_measured(recorded)
     if vendor_of(recorded.robot) == "universal-robots":
         require_factory_arm(recorded.header.robot, recorded.path.parent)
     how = {**vars(options)}
@@ -130,6 +127,16 @@ def reached_programs(
     about = _about("reach", recorded.robot, recorded, f"the calibration of {recorded.path.name}")
     about = replace(about, notes=(*_uncorrected(judged), *(one.sentence for one in judged.offsets)))
     return _converted(path, recorded.robot, recorded, choices, changes, about, out, judged)
+
+
+def _require_measured(run: Run) -> None:
+    """BadInput where a run is simulated: no program can say so."""
+    if is_simulated(run.header.provenance):
+        raise BadInput(
+            "the run is simulated: no robot was measured, and the positions of none are corrected by it",
+            remedy="name the run of the robot that this backup is of",
+            file=run.path,
+        )
 
 
 def _uncorrected(judged: RobotCalibration) -> list[str]:

@@ -19,7 +19,7 @@ from exact_runs import demo_runs
 
 import zerobeam as zb
 from zerobeam.face.in_app import AppView, app_of
-from zerobeam.model.files.run import write_run
+from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.records import dumps
 from zerobeam.words.sentences import to_json
 
@@ -119,7 +119,17 @@ ENDMODULE
 
 
 @pytest.mark.long
-def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(quick: str, tmp_path: Path) -> None:
+def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(reported: Path, tmp_path: Path) -> None:
+    """By a run that does not say that it is simulated: by another one none is converted."""
+    run, result_file = (tmp_path / "dir" / "good" / name for name in ("run.jsonl", "report/result.json"))
+    shutil.copytree(reported / "good", result_file.parent)
+    simulated = (reported / "good.jsonl").read_bytes()
+    assert simulated.count(b'"simulated"') == 1
+    run.write_bytes(simulated.replace(b'"simulated"', b'"cell 4"'))
+    old, new = (read_run(each).sha256 for each in (reported / "good.jsonl", run))
+    stated = (reported / "good" / "result.json").read_text()
+    assert old in stated
+    result_file.write_text(stated.replace(old, new))
     backup = tmp_path / "Cell 7"
     (backup / "TASK1").mkdir(parents=True)
     files = [backup / "TASK1" / f"{name}.mod" for name in "AB"]
@@ -135,7 +145,7 @@ def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(quick: str, tmp
     ]
     inputs = "form.program input[type=file]"
     links = "[...document.querySelectorAll('form.program a[download]')].map((a) => a.textContent)"
-    with result(quick, "good") as tab:
+    with app(tmp_path / "dir") as server, result(server.address, "good") as tab:
         unfold(tab, "My programs")
         wait(tab, f"document.querySelector({inputs!r})?.accept.includes('.mod')")
         for which, sent, name in ways:

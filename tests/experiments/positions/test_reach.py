@@ -23,12 +23,12 @@ from made_backups import DIALECTS, Dialect, MadeBackup, MadePosition, texts_afte
 from scipy.spatial.transform import Rotation
 
 from zerobeam.experiments import converted_programs
-from zerobeam.experiments.converted_programs import reached_programs
+from zerobeam.experiments.converted_programs import kept_programs, reached_programs
 from zerobeam.experiments.makers import calibration
 from zerobeam.experiments.makers.calibration import NotValidated
 from zerobeam.experiments.positions import arm_change
 from zerobeam.experiments.positions.conversion import Conversion
-from zerobeam.experiments.positions.positions_options import BackupOptions, ReachOptions
+from zerobeam.experiments.positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
@@ -317,9 +317,11 @@ def test_a_simulated_run_is_refused(tmp_path: Path) -> None:
     run = measured(tmp_path / "run", RAPID.robot, provenance={"origin": "simulated"})
     with pytest.raises(BadInput, match="the run is simulated"):
         reached(folder, run)
-    assert reached(
-        folder, measured(tmp_path / "real", RAPID.robot, provenance={"origin": "cell 4"})
-    ).converted
+    with pytest.raises(BadInput, match="the run is simulated"):
+        kept_programs(folder, ZeroOptions(run=run), BackupOptions())
+    real = measured(tmp_path / "real", RAPID.robot, provenance={"origin": "cell 4"})
+    assert reached(folder, real).converted
+    assert kept_programs(folder, ZeroOptions(run=real), BackupOptions()).converted
 
 
 def test_joint_5_near_zero_is_refused(
