@@ -135,11 +135,13 @@ def test_the_fewest_shots_that_will_do_are_taken():
     tolerance = 1.001 * own_planner.optimal(7).worst
     answer = own_planner.fewest(tolerance, 10)
     assert answer.limit is None
-    assert len(answer.proposal.postures) == answer.curve[-1].shots <= 7
+    assert len(answer.proposal.postures) == answer.curve[-1].shots <= 10
     assert answer.proposal.worst <= tolerance
     assert max(checked_std(own, answer.proposal.postures, answer.proposal.std).values()) <= 1.001 * tolerance
     assert answer.curve[-2].shots == answer.curve[-1].shots - 1
-    assert all(point.worst_std > tolerance for point in answer.curve[:-1])
+    fewer = own_planner.optimal(answer.curve[-2].shots)  # not within the tolerance, or it hides a wrong model
+    assert fewer.worst > tolerance or fewer.lacking
+    assert not answer.proposal.lacking
 
 
 @pytest.mark.parametrize(
