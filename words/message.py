@@ -41,7 +41,18 @@ from .observability import named_part
 from .plan_catalogue import plan_headline, plan_message
 from .provenance import is_simulated
 from .trust import offsets_sentence, verdict_sentence
-from .wording import NOT_DETERMINED, Namer, clipped, counted, joints, listed, person, shown, status_words
+from .wording import (
+    NOT_DETERMINED,
+    Namer,
+    capital,
+    clipped,
+    counted,
+    joints,
+    listed,
+    person,
+    shown,
+    status_words,
+)
 
 _HARDLY = 0.95  # of a U that is left were this known exactly: it does not matter
 
@@ -195,7 +206,7 @@ def _determined(case: RunCase) -> str:
     if case.stopped is not None:
         return f"The fit did not converge ({case.stopped}): no offset is reported."
     if case.misfit is not None:
-        return "The model does not describe the measurements."
+        return f"{capital(NOT_DESCRIBED)}."
     return offsets_sentence(case.offsets, case.k, case.name)
 
 

@@ -50,14 +50,6 @@ class Folder:
         refuse_existing(path)
         return path
 
-    def free(self, path: Path) -> Path:
-        """This path, or one like it with a number behind its name: nothing is there yet."""
-        number, free = 1, path
-        while free.exists() or free.is_symlink():
-            number += 1
-            free = path.with_name(f"{path.stem}-{number}{path.suffix}")
-        return free
-
     def called(self, path: Path) -> str:
         """A path below the folder as the page calls it."""
         return path.relative_to(self.root).as_posix()

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,13 +57,13 @@ class FolderFile:
     def modified(self) -> str:
         return datetime.fromtimestamp(self.modified_ns / 1e9, UTC).isoformat(timespec="seconds")
 
-    @property
+    @cached_property
     @key("run, plan, header, robot, result, cell, sensors, obstacles or other")
     def kind(self) -> str:
         """By its first bytes; `other` too where it has gone, or cannot be read."""
         return kind_of(self.at)
 
-    @property
+    @cached_property
     @key("changes with the file; what If-Match takes when it is replaced")
     def version(self) -> str:
         """Empty where it has gone, or cannot be read."""

@@ -267,19 +267,16 @@ def _where_frames_are(backup: Backup, frames: _Frames) -> Iterator[str]:
 
 def _to_measure_again(backup: Backup, frames: _Frames) -> Iterator[str]:
     """Which tools and frames the arm may have measured by its old zeros, and what that does."""
-    defined = {
-        key: one.pose is not None and not np.allclose(one.pose, np.eye(4), atol=_EXACT_MM)
-        for key, one in backup.reading.frames.items()
-    }
-    used = {key: row.new_numbers is None for key, row in frames.rows.items() if key[1] in ("", row.name)}
-    by_option = {key for key in used if frames.rows[key].place.startswith("--")}
-    again = [
+    measured = {
         key
-        for key in (*defined, *by_option)
-        if (defined.get(key) or key in by_option) and used.get(key, True)
-    ]
-    if again:
-        named = [f"{what} {name}".rstrip() for what, name in sorted(dict.fromkeys(again), key=_tools_first)]
+        for key, one in backup.reading.frames.items()
+        if one.pose is not None and not np.allclose(one.pose, np.eye(4), atol=_EXACT_MM)
+    }
+    used = {key: row for key, row in frames.rows.items() if key[1] in ("", row.name)}
+    measured |= {key for key, row in used.items() if row.place.startswith("--")}
+    measured -= {key for key, row in used.items() if row.new_numbers is not None}
+    if measured:
+        named = [f"{what} {name}".rstrip() for what, name in sorted(measured, key=_tools_first)]
         yield (
             f"Measure again what this arm measured with the old zeros, of {listed(named, _MOST_NAMED)}:"
             " converted positions are right with them as they are, what is taught or calculated from now on"

@@ -103,3 +103,12 @@ def _refused(what: str, name: str, file: Path | None = None, line: int | None = 
     allowed = "a path below the app's folder, relative to it, no part of which begins with a dot"
     remedy = None if file is None else "put the file that it names into the folder, and name it from there"
     return BadInput(what, found=name[:200], allowed=allowed, remedy=remedy, file=file, line=line)
+
+
+def free_path(path: Path) -> Path:
+    """This path, or one like it with a number behind its name: nothing is there yet."""
+    number, free = 1, path
+    while free.exists() or free.is_symlink():
+        number += 1
+        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return free

@@ -268,13 +268,15 @@ def jumps_blocks(arm: ArmDrift) -> Iterator[Block]:
 
 
 def changes_of_assumed(arm: ArmDrift) -> str:
-    """What the changes of offsets that rest on an assumption rest on too; empty where none changed."""
+    """On what the changes of assumed offsets depend; empty where none changed."""
     assumed = {offset.name for offset in arm.offsets if offset.status == "assumed"}
     changed = dict.fromkeys(one.offset for one in (*arm.jumps, *arm.undecided) if one.offset in assumed)
     if not changed:
         return ""
-    names = listed([label(name) for name in changed])
-    return f"{names}: assumed. Its change is the arm's only if tool and instrument were not mounted anew"
+    names, changes = listed([label(name) for name in changed]), "Its change is"
+    if len(changed) > 1:
+        changes = "Their changes are"
+    return f"{names}: assumed. {changes} the arm's only if tool and instrument were not mounted anew"
 
 
 def without_jump(arm: ArmDrift) -> str:

@@ -15,6 +15,7 @@ from rich.segment import Segment
 from rich.text import Text
 
 from ...analysis.answer.answer_message import Message
+from ...model.parsing.confinement import free_path
 from ...words.wording import ended, sentence, visible
 from ..style.blocks import (
     Bars,
@@ -169,11 +170,8 @@ def _print_note(out: Console, text: str) -> None:
 
 def free_name(name: str) -> str:
     """The same, or with a number where this folder has something of that name: none is overwritten."""
-    path, number = Path(name), 2
-    while path.exists():
-        path = Path(name).with_name(f"{Path(name).stem}-{number}{path.suffix}")
-        number += 1
-    return name if number == 2 else path.as_posix()
+    path = free_path(Path(name))
+    return name if path == Path(name) else path.as_posix()
 
 
 def _pasteable(command: str) -> str:

@@ -47,24 +47,7 @@ OF_PEERS = {"fit_peers", "posterior_peer", "tracker_peers"}
 
 
 def test_each_script_has_a_small_size() -> None:
-    assert {path.stem for path in BENCHMARKS.glob("*.py")} == {*SMALL, *OF_PEERS, "same_answers", "mutants"}
-
-
-def test_a_mutant_is_another_number_or_operator_and_no_text(tmp_path: Path) -> None:
-    file = tmp_path / "one.py"
-    file.write_text(
-        'LIMIT = 3\n\ndef f(x):\n    """1 + 1"""\n    if x < 2.0:\n        raise ValueError(f"{x + 1}")\n'
-        '    return "a" + "b" if x is None else x * LIMIT - 0.0\n'
-    )
-    source = file.read_bytes()
-    made = sorted(load_script(BENCHMARKS, "mutants").mutants(file))
-    assert [(one.line, source[one.start : one.end].decode(), one.text) for one in made] == [
-        (5, "<", ">="),
-        (5, "2.0", "3.0"),
-        (7, "*", "/"),
-        (7, "-", "+"),
-        (7, "0.0", "0.1"),
-    ]
+    assert {path.stem for path in BENCHMARKS.glob("*.py")} == {*SMALL, *OF_PEERS, "same_answers"}
 
 
 @pytest.mark.long

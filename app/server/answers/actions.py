@@ -11,6 +11,7 @@ from ....analysis.answer.answer_message import Action
 from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
+from ....model.parsing.confinement import free_path
 from ....model.records import it, record
 from ....words.plan_catalogue import tried_change
 from ....words.wording import listed
@@ -141,13 +142,13 @@ def _dropped(words: Sequence[str]) -> list[str]:
 def _command(folder: Folder, words: Sequence[str], run: Path) -> list[str] | None:
     """The command with the run as it is called in the folder, and new files beside it."""
     if words[:1] == ["analyse"]:  # what a page shows is a report
-        words = ["report", *words[1:], f"--out={folder.called(folder.free(run.with_name('report')))}"]
+        words = ["report", *words[1:], f"--out={folder.called(free_path(run.with_name('report')))}"]
     called, made = folder.called(run), list[str]()
     for i, word in enumerate(words):
         if word == run.name or (i > 0 and words[i - 1] == "--header"):
             made.append(called)
         elif i > 0 and words[i - 1] == "-o":
-            made.append(folder.called(folder.free(run.with_name(word))))
+            made.append(folder.called(free_path(run.with_name(word))))
         else:
             made.append(word)
     try:

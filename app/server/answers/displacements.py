@@ -16,12 +16,13 @@ from typing import Annotated
 import numpy as np
 
 from ....analysis.answer.result import Result
+from ....analysis.status import NOT_DESCRIBED
 from ....model.arrays import Mask, Matrix
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.records import it, record
 from ....words.numbers import number_in
-from ....words.wording import label, listed
+from ....words.wording import capital, label, listed
 from ..kept import kept
 
 Vec = tuple[float, float, float]
@@ -105,7 +106,7 @@ def _vectors(
     if not result.accuracy or not result.accuracy.point_mm:  # of an earlier version
         return None, "This result does not state a TCP."
     if result.verdict == "misfit":
-        return None, "The model does not describe the measurements: no displacement of the TCP is known."
+        return None, f"{capital(NOT_DESCRIBED)}: no displacement of the TCP is known."
     try:
         recorded = _recorded(run)
     except BadInput:

@@ -20,6 +20,7 @@ from ....model.arrays import Index
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.likelihood.problem import Problem
+from ....model.parsing.confinement import free_path
 from ....model.parsing.validation import as_tuple
 from ....model.records import it, record
 from ....words.message import headline
@@ -147,7 +148,7 @@ def save_without(
     _left(tuple(shot.shot for shot in recorded.shots), without)
     numbers = sorted(set(without))
     named = "-".join(map(str, numbers[:_MOST_NAMED])) + ("-and-more" if len(numbers) > _MOST_NAMED else "")
-    file = folder.free(path.with_name(f"{path.stem}-without-{named}{path.suffix}"))
+    file = free_path(path.with_name(f"{path.stem}-without-{named}{path.suffix}"))
     recorded.without(numbers).saved(file)
     return VersionOfFile(file=folder.called(file), version=version_of(file))
 
