@@ -229,9 +229,7 @@ def _analyse(
         coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),
         outlook=_outlook(solution, run, to_enter, with_links),
-        taken_as_known=bases(
-            solution.problem, solution.fit.covariance, solution.status, run.header, geometry
-        ),
+        taken_as_known=bases(solution.problem, solution.fit.covariance, solution.status, run.header),
     )
     report("diagnostics", 1.0)
     return solution, result, draws
@@ -368,6 +366,9 @@ def _with_sources(explanations: tuple[Explanation, ...], run: Run) -> tuple[Expl
 
 
 def _inputs(run: Run, problem: Problem, seed: int) -> Inputs:
+    content = run.header.model_dump(
+        mode="json", by_alias=True, exclude_none=True, exclude_unset=True, exclude={"provenance"}
+    )
     return Inputs(
         run=run.path.name,
         sha256=run.sha256,
@@ -378,4 +379,5 @@ def _inputs(run: Run, problem: Problem, seed: int) -> Inputs:
         versions=versions(),
         header=run.header.model_dump(mode="json", by_alias=True, exclude_none=True),
         vendor=run.robot.vendor,
+        stated=content,
     )

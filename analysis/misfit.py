@@ -33,7 +33,7 @@ import scipy
 
 from ..model.arrays import Index, Matrix
 from ..model.errors import UnsoundResult
-from ..model.likelihood.geometry import ANGLES, BENDING
+from ..model.likelihood.geometry import kind_of_axis
 from ..model.likelihood.noise import COMMON
 from ..model.likelihood.parameters import Parameter
 from ..model.likelihood.problem import Problem
@@ -182,10 +182,7 @@ class Tolerances:
 def _group_of(item: Parameter) -> str:
     if item.group != "geometry":
         return item.of
-    for name, axes in BENDING.items():
-        if item.axis in axes:
-            return name
-    return "angle" if item.axis in ANGLES else "length"
+    return kind_of_axis(item.axis)
 
 
 def _likeliest(squares: Matrix, sizes: Matrix) -> float:

@@ -17,7 +17,7 @@ from ..analysis.answer.findings import prediction_failed
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.values_to_enter import Entered
 from ..analysis.observability.check import Check
-from ..analysis.observability.geometry_result import Basis
+from ..analysis.observability.geometry_result import Basis, Size
 from ..analysis.solution import Solution
 from ..analysis.status import NOT_DESCRIBED, Verdict, known
 from ..model.files.header import Header
@@ -98,14 +98,12 @@ def _sizes(entry: Mapping[str, object], keys: Sequence[tuple[str, Unit]]) -> str
 
 def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
     if basis.part == "links":
-        what = "links" if basis.stated else "typical links"
-        exact = "links exact"
+        exact, text = "links exact", _of_arm(basis)
     else:
         what = named_part(basis.kind, basis.of, basis.part)
-        exact = f"{named_part(basis.kind, basis.of, basis.part)} exactly as stated"
+        exact, text = f"{what} exactly as stated", f"{what} {_listed_sizes(basis.sizes)}"
     if not basis.sizes:
         return f"{exact} (in no U)" if effects else exact
-    text = f"{what} {', '.join(tolerance_words(size.std, size.unit) for size in basis.sizes)}"
     if not effects or basis.offset is None or basis.u is None or basis.u_if_exact is None:
         return text
     if basis.u_if_exact > _HARDLY * basis.u:
@@ -113,6 +111,20 @@ def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
     u, if_exact = (numbers.spread(k * each, basis.unit or "") for each in (basis.u, basis.u_if_exact))
     (offset,) = joints([basis.offset], name)
     return f"{text} ({offset} U {u}, if exact {if_exact})"
+
+
+def _of_arm(basis: Basis) -> str:
+    """The sizes of links, and of how joints bend; `typical links` stand for all that is assumed of an arm."""
+    links = [size for size in basis.sizes if size.of in ("length", "angle", None)]
+    typical = "" if basis.stated else "typical "
+    parts = [f"{typical}links {_listed_sizes(links)}"] if links else []
+    if basis.stated or not links:
+        parts += [f"{typical}{size.of} {_listed_sizes([size])}" for size in basis.sizes if size not in links]
+    return ", ".join(parts)
+
+
+def _listed_sizes(sizes: Sequence[Size]) -> str:
+    return ", ".join(tolerance_words(size.std, size.unit) for size in sizes)
 
 
 WHAT_ELSE = "What else to know"  # the cautions that page one has no room for

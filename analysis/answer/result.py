@@ -134,6 +134,7 @@ class Inputs(RunInputs):
     targets: tuple[str, ...]
     header: dict[str, object]
     vendor: str | None = None
+    stated: dict[str, object] | None = None
 
     def __post_init__(self) -> None:
         for key in ("provenance", "noise", "tool"):
@@ -419,8 +420,9 @@ class Result:
     inputs: Annotated[
         Inputs,
         it(
-            "`run`, `sha256`, `robot`, `shots`, `targets`, `seed`, `versions`, `header`, `vendor` (of"
-            " the robot, null where its file states none)"
+            "`run`, `sha256`, `robot`, `shots`, `targets`, `seed`, `versions`, `header` (with the default of"
+            " each key that it does not state), `vendor` (of the robot, null where its file states none),"
+            " `stated` (the keys of `header` that it states; null in results of earlier versions)"
         ),
     ]
     findings: Annotated[tuple[Finding, ...], internal]

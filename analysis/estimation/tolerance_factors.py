@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 import scipy
 
 from ...model.arrays import Matrix
-from ...model.likelihood.geometry import ANGLES, BENDING
-from ...model.likelihood.parameters import Parameter
+from ...model.files.header import GeometryKind
+from ...model.likelihood.geometry import kind_of_axis
 from ...model.likelihood.problem import Problem
 from .fit import LikelihoodFit, fit_from
 
@@ -49,7 +50,7 @@ class Factors:
         return {name: factor for name, factor in zip(KINDS, every, strict=True) if factor is not None}
 
 
-KINDS = ("lengths", "angles", "gravity", "harmonics")
+KINDS = ("lengths", "angles", "gravity", "harmonics")  # in the order of GeometryKind
 
 
 def with_factors(fit: LikelihoodFit) -> tuple[LikelihoodFit, Factors | None]:
@@ -156,13 +157,8 @@ class _Linear:
 def _kinds(problem: Problem) -> Matrix:
     """(f, 4) 1 where a free parameter is a length of a link, an angle of one, of gravity, of harmonics."""
     items = [item for item in problem.parameters.items if not item.held]
-    kinds = [_kind(item) if item.group == "geometry" else None for item in items]
-    return np.array([[float(kind == each) for each in KINDS] for kind in kinds])
-
-
-def _kind(item: Parameter) -> str:
-    bending = next((rung for rung, axes in BENDING.items() if item.axis in axes), None)
-    return bending or ("angles" if item.axis in ANGLES else "lengths")
+    kinds = [kind_of_axis(item.axis) if item.group == "geometry" else None for item in items]
+    return np.array([[float(kind == each) for each in get_args(GeometryKind)] for kind in kinds])
 
 
 def _prior_root(kinds: Matrix) -> Matrix:

@@ -23,9 +23,9 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
-from ...model.files.header import Header
+from ...model.files.header import TOLERANCE_KEYS, GeometryKind, Header
 from ...model.instruments.kind import Assumption
-from ...model.likelihood.geometry import Geometry
+from ...model.likelihood.geometry import Geometry, kind_of_axis
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
 from ..estimation.tolerance_factors import Factors
@@ -270,6 +270,9 @@ class Size:
 
     std: Annotated[Tolerance, it("standard deviation; of links a list, one for each")]
     unit: Annotated[str, it("`deg` or `mm`")]
+    of: Annotated[
+        GeometryKind | None, it("of the arm: `length`, `angle`, `gravity` or `harmonics`; else null")
+    ] = None
 
 
 @record
@@ -291,12 +294,12 @@ class Basis:
 
 
 def bases(
-    problem: Problem, covariance: Matrix, status: Sequence[Status], header: Header, geometry: GeometryResult
+    problem: Problem, covariance: Matrix, status: Sequence[Status], header: Header
 ) -> tuple[Basis, ...]:
     """Of the tool and the instruments, then of the arm; `covariance` (f, f) is that of the scaled free
     parameters, not finite without an answer."""
     rows = [(basis, _marked(problem, basis)) for basis in _of_instruments(problem.tool.taken_as_known)]
-    rows.append((_of_arm(header, geometry), problem.parameters.group("geometry")))
+    rows += [(basis, _of_sizes(problem, basis)) for basis in _of_arm(problem.geometry, header)]
     return tuple(_with_effect(problem, covariance, status, basis, places) for basis, places in rows)
 
 
@@ -310,10 +313,32 @@ def _of_instruments(every: Sequence[Assumption]) -> Iterator[Basis]:
         yield Basis(label, kind, part, by_header, tuple(dict.fromkeys(one.key for one in group)), sizes)
 
 
-def _of_arm(header: Header, geometry: GeometryResult) -> Basis:
-    of = geometry.tolerance
-    sizes = () if of is None else (Size(of.length_mm, "mm"), Size(of.angle_deg, "deg"))
-    return Basis("arm", "arm", "links", header.geometry is not None, ("geometry",), sizes)
+def _of_arm(geometry: Geometry, header: Header) -> Iterator[Basis]:
+    """What the header states of the links and of how joints bend, and what is assumed of them."""
+    arm = header.arm
+    if arm is None:
+        yield Basis("arm", "arm", "links", True, ("geometry",), ())
+        return
+    sizes = [
+        Size(arm.tolerance.length_mm, "mm", "length"),
+        Size(arm.tolerance.angle_deg, "deg", "angle"),
+        *([Size(arm.gravity_deg, "deg", "gravity")] if geometry.gravity else []),
+        *([Size(arm.harmonics_deg, "deg", "harmonics")] if geometry.harmonics else []),
+    ]
+    for by_header in (True, False):
+        some = tuple(one for one in sizes if (one.of in geometry.stated) == by_header)
+        keys = tuple(f"geometry.{TOLERANCE_KEYS[one.of]}" for one in some if one.of is not None)
+        if some:
+            yield Basis("arm", "arm", "links", by_header, keys, some)
+
+
+def _of_sizes(problem: Problem, basis: Basis) -> Mask:
+    """(p,) the parameters of the arm whose tolerances it is."""
+    kinds = {one.of for one in basis.sizes}
+    items = problem.parameters.items
+    return np.array(
+        [item.group == "geometry" and kind_of_axis(item.axis) in kinds for item in items], dtype=bool
+    )
 
 
 def _marked(problem: Problem, basis: Basis) -> Mask:

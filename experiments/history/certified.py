@@ -76,7 +76,7 @@ class AsLeft:
 
 @record
 class AssumedTool:
-    """The tool, as the header states it."""
+    """The tool, as the header states it: `sigma` is null where nobody stated one."""
 
     kind: str
     calibrated: bool
@@ -108,7 +108,8 @@ class Assumed:
     @property
     @key("null without one")
     def tool(self) -> AssumedTool | None:
-        tool = self._header.get("tool")
+        by_header: dict[str, Any] | None = self.result.inputs.stated
+        tool = (self._header if by_header is None else by_header).get("tool")
         return tool and AssumedTool(tool["kind"], tool.get("calibrated", True), tool.get("sigma"))
 
     @property

@@ -69,6 +69,16 @@ def _switch(value: object) -> object:
     return value
 
 
+GeometryKind = Literal["length", "angle", "gravity", "harmonics"]
+# Of each kind of geometry parameters the key, below `geometry`, that states their tolerance.
+TOLERANCE_KEYS: dict[GeometryKind, str] = {
+    "length": "tolerance.length_mm",
+    "angle": "tolerance.angle_deg",
+    "gravity": "gravity_deg",
+    "harmonics": "harmonics_deg",
+}
+
+
 class StatedLinkTolerance(FileModel):
     """Standard deviations of the link parameters about their nominal values."""
 
@@ -137,6 +147,12 @@ class StatedGeometry(FileModel):
         default=None,
         description="path of a file of tolerances (ZEROBEAM_TOLERANCES), for what is not stated here",
     )
+
+    @property
+    def declared_kinds(self) -> frozenset[GeometryKind]:
+        """The kinds of parameters whose tolerance is stated, and not assumed to be that of a typical arm."""
+        keys = self.model_fields_set | {f"tolerance.{key}" for key in self.tolerance.model_fields_set}
+        return frozenset(kind for kind, key in TOLERANCE_KEYS.items() if key in keys)
 
     def masses(self, robot: Robot) -> Matrix:
         """(n,) kg, 1 of each link where none are stated; BadInput for another number of masses."""

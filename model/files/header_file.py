@@ -2,8 +2,8 @@
 with the postures of a file of positions.
 
 Tolerances are in the file that the header names (`geometry: {tolerances: …}`), or in that of the environment
-variable ZEROBEAM_TOLERANCES. The header that comes out states all of them: a run or a result that is written
-with it means the same at any other plant.
+variable ZEROBEAM_TOLERANCES. The header that comes out states all that the file states: a run or a result
+that is written with it means the same at any other plant. What neither states stays assumed.
 """
 
 from __future__ import annotations
@@ -91,9 +91,10 @@ def completed(
     if plant is None:
         return header
     explicit = geometry.model_dump(exclude_unset=True, exclude={"tolerances"})
-    typical = plant.model_dump(exclude={"tool_sigma"})
-    tolerance = typical["tolerance"] | explicit.get("tolerance", {})
-    merged = StatedGeometry.model_validate({**typical, **explicit, "tolerance": tolerance})
+    typical = plant.model_dump(exclude_unset=True, exclude={"tool_sigma"})  # its defaults are nobody's
+    tolerance = {**typical.pop("tolerance", {}), **explicit.pop("tolerance", {})}
+    links = {"tolerance": tolerance} if tolerance else {}
+    merged = StatedGeometry.model_validate({**typical, **explicit, **links})
     update: dict[str, object] = {"geometry": merged}
     if header.tool is not None:
         update["tool"] = _completed(header.tool, plant.tool_sigma)
@@ -136,9 +137,11 @@ def _completed(tool: StatedTool, typical: PlantToolSigma) -> StatedTool:
     """The tool with what is typical where nothing is stated; one that is not calibrated is as it is."""
     if not tool.calibrated:
         return tool
-    values = {"shift_mm": typical.mm}
-    if kind_of(tool.kind).beam:
-        values["tilt_deg"] = typical.tilt_deg
+    values = typical.model_dump(exclude_unset=True)
+    if not kind_of(tool.kind).beam:
+        values.pop("tilt_deg", None)
+    if "mm" in values:
+        values["shift_mm"] = values.pop("mm")
     if "sigma" in tool.model_fields_set:
         values |= tool.sigma.model_dump(exclude_unset=True)
-    return tool.model_copy(update={"sigma": StatedSigma.model_validate(values)})
+    return tool.model_copy(update={"sigma": StatedSigma.model_validate(values)}) if values else tool

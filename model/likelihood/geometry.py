@@ -30,6 +30,7 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..errors import BadInput
+from ..files.header import GeometryKind
 from ..kinematics.robot import JointKind, Robot
 
 if TYPE_CHECKING:
@@ -42,6 +43,13 @@ BENDING: dict[Literal["gravity", "harmonics"], frozenset[str]] = {
     "gravity": frozenset({"gravity"}),
     "harmonics": frozenset({"cos", "sin"}),
 }
+
+
+def kind_of_axis(axis: str) -> GeometryKind:
+    """Of which kind a geometry parameter with this axis is."""
+    bending = next((rung for rung, axes in BENDING.items() if axis in axes), None)
+    return bending or ("angle" if axis in ANGLES else "length")
+
 
 _SHIFTS: tuple[LinkAxis, ...] = ("a", "b", "d")  # along x, y, z
 # Of the last link: all but what is the offset of its joint.
@@ -101,7 +109,7 @@ class Geometry:
     """The geometry parameters of one robot, in their order: links from 1, gravity, harmonics.
 
     `length`, `angle` (n,) are the tolerances of each link, mm and rad; `deflection` and `harmonic` those of
-    gravity and of harmonics, rad.
+    gravity and of harmonics, rad; `stated` the kinds of which the header states them: the others are assumed.
     """
 
     links: tuple[Link, ...] = ()
@@ -111,6 +119,7 @@ class Geometry:
     angle: Matrix = field(default_factory=lambda: np.zeros(0))
     deflection: float = 0.0
     harmonic: float = 0.0
+    stated: frozenset[GeometryKind] = frozenset()
 
     @classmethod
     def from_header(cls, header: Header, robot: Robot) -> Geometry:
@@ -135,6 +144,7 @@ class Geometry:
             angle=angle,
             deflection=float(np.radians(geometry.gravity_deg)),
             harmonic=float(np.radians(geometry.harmonics_deg)),
+            stated=geometry.declared_kinds,
         )
 
     @classmethod

@@ -40,7 +40,7 @@ from ...words.wording import clipped, counted, ended, label, listed, sentence, s
 from ..acceptance.acceptance_page import read_acceptance
 from ..output.whole_folder import FolderContents, Kind, write_answer
 from ..run.fit_section import intervals_table
-from ..run.inputs import flattened
+from ..run.inputs import settings
 from ..run.parameter_section import NO_NUMBER, legend, offsets_table_of, parameter_table
 from ..style.blocks import (
     Block,
@@ -395,7 +395,8 @@ def _assumed(certificate: Certificate) -> Iterator[Block]:
     held = [_held(row) for row in result.parameters if row.held]
     facts.append(("Held, not estimated", listed(held) if held else "nothing"))
     header = {key: result.inputs.header.get(key) for key in ("tool", "instruments", "noise")}
-    facts += flattened({key: value for key, value in header.items() if value})
+    by_header, _ = settings({key: value for key, value in header.items() if value}, result.inputs.stated)
+    facts += by_header
     yield Facts(facts)
     if factors := [row for row in result.parameters if row.group == "noise" and not row.held]:
         yield parameter_table("Noise, as a multiple of the stated", factors, certificate.k)

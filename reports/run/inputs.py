@@ -4,14 +4,10 @@ provenance states is filled in."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, get_args
-
-from pydantic import BaseModel
-from pydantic_core import to_jsonable_python
+from collections.abc import Mapping
+from typing import Any
 
 from ...analysis.answer.result import Inputs, Result
-from ...model.files.header import Header
 from ...model.instruments.registry import kinds_of
 from ...words.provenance import (
     DATE,
@@ -78,43 +74,23 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
                 level=2,
             )
         )
-    usual, every = _usual(header, (Header,)), flattened(header)
-    settings = [row for row in every if row[0] not in usual]
-    rest = ", ".join(f"{name} {value}" for name, value in every if name in usual)
+    by_header, usual = settings(header, inputs.stated)
+    rest = ", ".join(f"{name} {value}" for name, value in usual)
     by_default = Paragraph(f"By default: {rest}.", screen_only=True) if rest else None
-    return [*sections, section_of("Settings of the run", Facts(settings), by_default, level=2)]
+    return [*sections, section_of("Settings of the run", Facts(by_header), by_default, level=2)]
 
 
-def _usual(values: Mapping[str, object], kinds: Iterable[type[BaseModel]], path: str = "") -> set[str]:
-    """The settings, as paths of `flattened`, that have the default of a model with these keys."""
-    model = next((one for one in kinds if set(values) <= _keys(one)), None)
-    usual = set[str]()
-    for key, value in values.items():
-        at = f"{path}.{key}" if path else key
-        field = None if model is None else model.model_fields.get(key)
-        optional = field is not None and not field.is_required()
-        if field and optional and value == to_jsonable_python(field.get_default(call_default_factory=True)):
-            usual |= {name for name, _ in flattened(value, at)}
-        elif isinstance(value, dict):
-            models = [] if field is None else list(_models(field.annotation))
-            if field is None or any(set(value) <= _keys(one) for one in models):
-                usual |= _usual(value, models, at)
-            else:  # a model a label
-                parts = ((label, one) for label, one in value.items() if isinstance(one, dict))
-                usual = usual.union(*(_usual(one, models, f"{at}.{label}") for label, one in parts))
-    return usual
+Settings = list[tuple[str, str]]
 
 
-def _keys(model: type[BaseModel]) -> set[str]:
-    return {key for name, field in model.model_fields.items() for key in (name, field.alias or name)}
-
-
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The models in an annotation."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _models(part)
+def settings(header: Mapping[str, Any], declared: Mapping[str, Any] | None) -> tuple[Settings, Settings]:
+    """Those that a header (or a part of one) states, by `Inputs.stated`, and those that it has by default;
+    where it is not known what is stated (None) all are in the first."""
+    if declared is None:
+        return flattened(dict(header)), []
+    by_header = flattened({key: value for key, value in declared.items() if key in header})
+    names = {name for name, _ in by_header}
+    return by_header, [row for row in flattened(dict(header)) if row[0] not in names]
 
 
 def flattened(value: object, path: str = "") -> list[tuple[str, str]]:

@@ -24,6 +24,7 @@ from zerobeam.analysis.answer.findings import FileWarning, HeldOutMisfit, OtherB
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.observability.changes import Displacement
+from zerobeam.analysis.observability.geometry_result import bases
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.experiments.makers.calibration import NotValidated, calibration
@@ -37,7 +38,7 @@ from zerobeam.reports.run.brief_page import brief_page
 from zerobeam.reports.run.report import report_page
 from zerobeam.words import numbers
 from zerobeam.words.case import RunCase
-from zerobeam.words.message import _of_run, message, message_so_far, next_steps
+from zerobeam.words.message import _of_run, basis_lines, message, message_so_far, next_steps
 from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
@@ -98,6 +99,31 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
     assert said.worst is not None
     assert (said.worst.name, said.worst.value) == (worst.name, 2 * (worst.std or 0.0))
     assert said.action.command == "zerobeam export rapid run.jsonl -o offsets.mod"
+
+
+@pytest.mark.parametrize(
+    ("geometry", "by_header", "assumed"),
+    [
+        ({"gravity": False}, None, "typical links 0.3 mm, 0.1°"),
+        ({"tolerance": {"length_mm": 0.5}}, "links 0.5 mm", "typical links 0.1°"),
+        ({"harmonics_deg": 0.02}, "harmonics 0.02°", "typical links 0.3 mm, 0.1°"),
+        (
+            {"tolerance": {"length_mm": 0.3, "angle_deg": 0.1}, "harmonics": False},
+            "links 0.3 mm, 0.1°",
+            "typical gravity 0.05°",
+        ),
+    ],
+)
+def test_each_tolerance_of_the_arm_is_stated_or_assumed_by_itself(geometry, by_header, assumed) -> None:
+    run = measured(geometry=geometry)
+    solution = solve(Problem.from_run(run))
+    known = bases(solution.problem, solution.fit.covariance, solution.status, run.header)
+    header = run.header.model_dump(mode="json", by_alias=True)
+    lines = [line.replace("\u00a0", " ") for line in basis_lines(known, header, 2.0, str, effects=False)]
+    stated = "Stated: noise of joints 0.01°; of spot 0.05 mm"
+    assert lines[0] == (f"{stated}." if by_header is None else f"{stated}; {by_header}.")
+    assert lines[1].startswith("Assumed: the laser's mounting 0.05°, 0.1 mm; ")
+    assert lines[1].endswith(f"; {assumed}.")
 
 
 @pytest.mark.long

@@ -46,14 +46,11 @@ def test_where_a_header_says_nothing_the_tolerances_of_the_plant_hold(tmp_path: 
     assert (own.arm.tolerance.length_mm, own.arm.tolerance.angle_deg) == (0.15, 0.04)
     assert (own.arm.gravity_deg, own.arm.harmonics_deg) == (0.02, 0.02)
     assert (own.tool.sigma.shift_mm, own.tool.sigma.tilt_deg) == (0.3, 0.02)
-    # Written with the header, so that another plant reads the same.
+    # Written with the header, so that another plant reads the same; without what this one leaves out.
     written = header_content(own, "zerobeam/run/1")
     assert written["geometry"] == {
         "tolerance": {"length_mm": 0.15, "angle_deg": 0.04},
-        "gravity": "auto",
-        "harmonics": "auto",
         "gravity_deg": 0.02,
-        "harmonics_deg": 0.02,
     }
 
 
@@ -89,6 +86,17 @@ def test_a_file_that_the_header_names_goes_before_that_of_the_environment(
     assert own.arm is not None
     assert (own.arm.tolerance.length_mm, own.arm.tolerance.angle_deg) == (0.9, 0.1)
     assert (own.arm.gravity, own.arm.gravity_deg, own.arm.tolerances) == (False, 0.05, None)
+
+
+def test_what_a_plant_leaves_out_stays_assumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of link lengths alone does not make a laser's mounting one that was stated."""
+    (tmp_path / "arms.yaml").write_text("tolerance: {length_mm: 0.9}\n", encoding="utf-8")
+    monkeypatch.setenv(TOLERANCES, str(tmp_path / "arms.yaml"))
+    own = read_header(header_file(tmp_path))
+    assert own.arm is not None
+    assert own.arm.declared_kinds == {"length"}
+    assert "sigma" not in own.tool.model_fields_set
+    assert not any(one.stated for one in own.made("tool", 6).taken_as_known)
 
 
 def test_without_a_file_a_header_is_as_it_is_stated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

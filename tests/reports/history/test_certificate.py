@@ -99,6 +99,18 @@ def pdf_text(file: Path) -> str:
     return "\n".join(own.extract_text() for own in pages)
 
 
+@pytest.mark.parametrize("example", ["good", "uncalibrated"])
+def test_only_what_the_header_states_is_a_setting_of_the_run(tmp_path: Path, example: str) -> None:
+    """What the offsets rest on: what is assumed of the laser stands under that word alone."""
+    own = of_result(tmp_path, example_results.EXAMPLES[example])
+    shown = page(own).words
+    for name in ("tool.direction", "noise.joint_deg", "noise.spot_mm"):
+        assert name in shown
+    for name in ("tool.sigma", "noise.scale", "noise.plausible_factor"):
+        assert name not in shown
+    assert to_json(own)["assumed"]["tool"]["sigma"] is None
+
+
 def test_it_states_the_result_and_is_signed(tmp_path: Path) -> None:
     answer = a_result("A-1", "2026-03-31T14:05:00+02:00", psd="Hamamatsu 17", who="J. Doe")
     folder = written(tmp_path, answer)
