@@ -22,16 +22,24 @@ SerialOrAll = Annotated[str | None, argument("Serial number of one arm (all).", 
 Model = Annotated[str | None, Option("Model of the arm, where several have this serial number.")]
 Without = Annotated[
     Sequence[str],
-    Option("Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.", metavar="NAME"),
+    Option(
+        "Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.",
+        metavar="NAME",
+        label="Offsets to leave out",
+    ),
 ]
 HoldOut = Annotated[
     Path | None,
     Option(
         "Another run of the same header, which the offsets must predict (as analyse --hold-out).",
         metavar="RUN",
+        among="run",
+        rare=True,
     ),
 ]
-ToleranceMm = Annotated[float, Option("TCP error that is tolerated, mm.", least=1e-6, most=1e6)]
+ToleranceMm = Annotated[
+    float, Option("TCP error that is tolerated, mm.", least=1e-6, most=1e6, label="TCP tolerance")
+]
 
 
 def _sampling(typed: bool) -> Sampling:
@@ -97,7 +105,10 @@ class HistoryPageOptions:
     tolerance_mm: ToleranceMm = 0.5
     as_of: Annotated[
         str | None,
-        Option("Day for which it is said what is overdue (default: of the last result in the history)."),
+        Option(
+            "Day for which it is said what is overdue (default: of the last result in the history).",
+            among="days",
+        ),
     ] = None
     model: Model = None
     db: Url = None

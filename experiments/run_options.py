@@ -6,9 +6,14 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ..model.errors import BadInput
-from ..model.options import Option, Seed, options_of
+from ..model.options import JOINT_3, Option, Seed, options_of
 
 RIGS = ("simulated", "replay", "abb", "manual")
+_ABB, _SIMULATED = ("--rig=abb",), ("--rig=simulated",)
+
+
+def _port(help: str, label: str) -> Option:
+    return Option(help, least=1, most=65535, label=label, needs=_ABB, rare=True)
 
 
 @dataclass(frozen=True)
@@ -24,67 +29,120 @@ class RunOptions:
             metavar="RIG",
         ),
     ] = "simulated"
-    cell: Annotated[Path | None, Option("Cell file (.yaml) of the simulated rig.")] = None
+    cell: Annotated[
+        Path | None,
+        Option("Cell file (.yaml) of the simulated rig.", among="cell", needs=_SIMULATED),
+    ] = None
     camera: Annotated[
-        bool, Option("Find the PSD in pictures, or by the beam alone.", "--camera/--no-camera")
+        bool,
+        Option(
+            "Find the PSD in pictures, or by the beam alone.",
+            "--camera/--no-camera",
+            needs=_SIMULATED,
+        ),
     ] = True
     arm: Annotated[
         Path | None,
-        Option("Simulated: the arm of this simulated run, with its offsets entered.", metavar="RUN"),
+        Option(
+            "Simulated: the arm of this simulated run, with its offsets entered.",
+            metavar="RUN",
+            label="Arm of the simulated run",
+            among="run",
+            needs=_SIMULATED,
+            rare=True,
+        ),
     ] = None
     as_found: Annotated[
-        bool, Option("With --arm: without its offsets entered; with the seed of RUN the targets stay too.")
+        bool,
+        Option(
+            "With --arm: without its offsets entered; with the seed of RUN the targets stay too.",
+            needs=("--arm",),
+            rare=True,
+        ),
     ] = False
     recording: Annotated[
         Path | None, Option("Recorded run (.jsonl) that a replay reads.", "--recorded", app=False)
     ] = None
     resume: Annotated[bool, Option("Go on with a run that was stopped.")] = False
     adaptive: Annotated[
-        bool, Option("Choose the next posture by the measurements so far; end when the tolerance is reached.")
+        bool,
+        Option(
+            "Choose the next posture by the measurements so far; end when the tolerance is reached.",
+            rare=True,
+        ),
     ] = False
     tolerance: Annotated[
         float | None,
-        Option("With --adaptive: the standard uncertainty that is enough (deg; mm). Default: the plan's."),
+        Option(
+            "With --adaptive: the standard uncertainty that is enough (deg; mm). Default: the plan's.",
+            label="u that is enough",
+            needs=("--adaptive",),
+            rare=True,
+        ),
     ] = None
     gain: Annotated[
         float | None,
         Option(
             "With --adaptive: end when the next measurement lowers no U by this much an hour (deg; mm).",
             least=1e-9,
+            label="Least gain an hour",
+            needs=("--adaptive",),
+            rare=True,
         ),
     ] = None
-    host: Annotated[str | None, Option("ABB: address of the controller.")] = None
-    port: Annotated[int, Option("ABB: port of Robot Web Services.", least=1, most=65535)] = 80
-    egm_port: Annotated[int, Option("ABB: own UDP port for EGM.", least=1, most=65535)] = 6510
-    sensor_port: Annotated[int, Option("ABB: port of PSD and camera at the host.", least=1, most=65535)] = (
-        6520
-    )
+    host: Annotated[
+        str | None,
+        Option("ABB: address of the controller.", label="Controller’s address", needs=_ABB),
+    ] = None
+    port: Annotated[int, _port("ABB: port of Robot Web Services.", "Port of Robot Web Services")] = 80
+    egm_port: Annotated[int, _port("ABB: own UDP port for EGM.", "Own UDP port for EGM")] = 6510
+    sensor_port: Annotated[
+        int, _port("ABB: port of PSD and camera at the host.", "Port of PSD and camera")
+    ] = 6520
     sensors: Annotated[
         Path | None,
         Option(
             "Sensors file. ABB: else those of the simulated controller. By hand or live: an instrument"
-            " that sends lines. Live with a laser: the PSD, which confirms a posture by a centred beam."
+            " that sends lines. Live with a laser: the PSD, which confirms a posture by a centred beam.",
+            among="sensors",
+            needs=("--rig=abb,live,manual",),
         ),
     ] = None
-    user: Annotated[str | None, Option("ABB: user, else ZEROBEAM_ABB_USER.")] = None
+    user: Annotated[str | None, Option("ABB: user, else ZEROBEAM_ABB_USER.", needs=_ABB)] = None
     password: Annotated[
         str | None, Option("ABB: password, else ZEROBEAM_ABB_PASSWORD or the keyring.", app=False)
     ] = field(default=None, repr=False)
-    speed: Annotated[float, Option("ABB: share of the joints' top speeds.")] = 0.25
-    laser: Annotated[str, Option("ABB: digital output of the laser, NETWORK/UNIT/NAME.")] = (
-        "Local/DRV_1/zb_laser"
-    )
+    speed: Annotated[
+        float,
+        Option("ABB: share of the joints' top speeds.", label="Share of the joints’ top speeds", needs=_ABB),
+    ] = 0.25
+    laser: Annotated[
+        str,
+        Option(
+            "ABB: digital output of the laser, NETWORK/UNIT/NAME.",
+            label="Output of the laser",
+            needs=_ABB,
+            rare=True,
+        ),
+    ] = "Local/DRV_1/zb_laser"
     yes: Annotated[bool, Option("ABB: move without asking first.", app=False)] = False
     watch: Annotated[
         Path | None, Option("Manual: take the joint values from this file as it grows.", app=False)
     ] = None
     units: Annotated[
         Literal["deg", "rad", "pulse"] | None,
-        Option("Manual: unit of the joint values, if neither they nor the robot file state it (deg)."),
+        Option(
+            "Manual: unit of the joint values, if neither they nor the robot file state it (deg).",
+            needs=("--rig=manual",),
+        ),
     ] = None
     j3: Annotated[
         Literal["ground", "link"] | None,
-        Option("Manual: what joint 3 is counted from, if not as the robot file states."),
+        Option(
+            "Manual: what joint 3 is counted from, if not as the robot file states.",
+            label=JOINT_3,
+            needs=("--rig=manual,live",),
+        ),
     ] = None
     repeat: Annotated[
         int | None,
@@ -92,6 +150,9 @@ class RunOptions:
             "With --adaptive: how many measurements are made again at the end (2). Else the plan says.",
             least=0,
             most=10_000,
+            label="Again at the end",
+            needs=("--adaptive",),
+            rare=True,
         ),
     ] = None
     once_more: Annotated[
@@ -101,7 +162,9 @@ class RunOptions:
             app=False,
         ),
     ] = False
-    closing: Annotated[bool, Option("Measure the first posture again at the end: has the PSD moved?")] = False
+    closing: Annotated[
+        bool, Option("Measure the first posture again at the end: has the PSD moved?", rare=True)
+    ] = False
     force: Annotated[
         bool,
         Option(

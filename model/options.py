@@ -34,6 +34,10 @@ class Option:
     bound a number. `text` makes the value of what is typed, of the type `typed`. `names` says what a value
     names that is no path that is read. `app` False: only a person at a terminal may state it. `variable`: of
     the environment, which is read where it is not stated.
+
+    For forms: `label`, where the flag does not say enough, and `unit`; `parts` are the names of several
+    numbers; `among` is what its value is one of (a kind of file of the folder, the columns of a table);
+    `needs` are words of other options, without all of which it says nothing; `rare`: it is folded at first.
     """
 
     help: str
@@ -47,6 +51,12 @@ class Option:
     names: Names | None = None
     app: bool = True
     variable: str | None = None
+    label: str | None = None
+    unit: str | None = None
+    parts: tuple[str, ...] = ()
+    among: str | None = None
+    needs: tuple[str, ...] = ()
+    rare: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Callable[[Any], Any]) -> Any:
         """Where the record is read from a document: the number within its bounds."""
@@ -144,6 +154,30 @@ class OptionField:
         """The words that it may be; none where it may be anything."""
         return [word for kind in self.kinds if get_origin(kind) is Literal for word in get_args(kind)]
 
+    @property
+    def whole(self) -> bool:
+        """Whether it is a whole number."""
+        return int in self.kinds
+
+    @property
+    def number(self) -> bool:
+        """Whether it is a number."""
+        return self.whole or float in self.kinds
+
+    def require_typed(self, text: str) -> None:
+        """BadInput where a text states no value of it."""
+        if self.words and text not in map(str, self.words):
+            allowed = ", ".join(map(str, self.words))
+            raise BadInput(f"{self.flag} is none of these words", found=text, allowed=allowed)
+        if self.number:
+            try:
+                self.require(int(text) if self.whole else float(text), self.flag)
+            except (ValueError, BadInput) as error:
+                allowed = getattr(error, "allowed", f"a {'whole ' if self.whole else ''}number")
+                raise BadInput(f"{self.flag} cannot be used", found=text, allowed=allowed) from None
+        elif self.option.text is not None and not self.box:
+            self.value([text] if self.several else text)
+
     def require(self, value: object, name: str) -> None:
         """BadInput where an argument of a Python function of this `name` has not the type or the range."""
         if value is None and type(None) in get_args(self.type):
@@ -152,14 +186,14 @@ class OptionField:
             optional = (None,) if type(None) in get_args(self.type) else ()
             listed = ", ".join(map(repr, (*optional, *self.words)))
             raise BadInput("there is no such choice", found=repr(value), allowed=listed, argument=name)
-        if int in self.kinds or float in self.kinds:
+        if self.number:
             least, most = self.option.least, self.option.most
             require_number(
                 value,
                 -math.inf if least is None else least,
                 name,
                 most=math.inf if most is None else most,
-                whole=int in self.kinds,
+                whole=self.whole,
             )
 
 
@@ -267,7 +301,11 @@ def names_typed(text: str) -> list[str]:
 
 
 USUAL_REPEATS = 2  # measurements that a plan, or an adaptive run, makes again at its end
-Seed = Annotated[int, Option("Random seed: the same seed gives the same answer.", least=0)]
+Seed = Annotated[
+    int, Option("Random seed: the same seed gives the same answer.", least=0, label="Random seed", rare=True)
+]
+JOINT_3 = "Joint 3 is counted from"  # as forms call it
 J3Origin = Annotated[
-    Literal["ground", "link"] | None, Option("What joint 3 is counted from, if not as the robot file states.")
+    Literal["ground", "link"] | None,
+    Option("What joint 3 is counted from, if not as the robot file states.", label=JOINT_3),
 ]

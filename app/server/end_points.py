@@ -16,7 +16,7 @@ from ...model.records import it
 from .answers import (  # noqa: F401 - each enters its end points
     calibrations,
     dragging,
-    exports,
+    forms,
     home,
     imports,
     plans,

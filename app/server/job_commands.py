@@ -17,14 +17,15 @@ from ...experiments.rigs.live.address import SCHEMES, parse_address
 from ...experiments.run_options import RunOptions
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
-from ...model.options import OptionField, options_of
+from ...model.options import Option, OptionField, options_of
 from .folder import Folder
+from .requests import at_key
 
 # values: it may be stated several times; held out: so may this one, as names or as a file that is read
 Kind = Literal["read", "write", "value", "values", "held out", "flag"]
 
 
-def _kind(one: OptionField) -> Kind:
+def kind_of(one: OptionField) -> Kind:
     if one.option.names is not None:
         return "write" if one.option.names == "write" else "held out"
     if one.box:
@@ -34,12 +35,15 @@ def _kind(one: OptionField) -> Kind:
     return "values" if one.several else "value"
 
 
-def _options(*sources: Callable[..., object], out: bool = True) -> dict[str, Kind]:
-    """The kind of each option that the app may state, of records and functions; `out`: a file is written."""
-    options: dict[str, Kind] = {"--out": "write"} if out else {}
+_OUT = OptionField("out", str, None, Option("What is written.", names="write"))
+
+
+def _options(*sources: Callable[..., object], out: bool = True) -> dict[str, OptionField]:
+    """The options that the app may state, of records and functions; `out`: a file is written."""
+    options = {"--out": _OUT} if out else {}
     for one in (each for source in sources for each in options_of(source)):
         if one.option.app and not one.option.argument:
-            options |= dict.fromkeys(one.long_flags, _kind(one))
+            options |= dict.fromkeys(one.long_flags, one)
     return options
 
 
@@ -47,7 +51,7 @@ RIGS = ("simulated", "manual", "abb")
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
 # replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
 # moves.
-ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
+ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, OptionField]]] = {
     **{("plan", kind): (0, _options(PlanOptions)) for kind in ("x", "y", "optimal")},
     ("plan", "verify"): (1, _options(PlanOptions)),
     ("verify",): (2, _options(VerifyOptions)),
@@ -101,12 +105,12 @@ def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
 
 
 def _checked(
-    folder: Folder, name: tuple[str, ...], files: int, options: Mapping[str, Kind], rest: Sequence[str]
+    folder: Folder, name: tuple[str, ...], files: int, options: Mapping[str, OptionField], rest: Sequence[str]
 ) -> list[str]:
     called = " ".join(name)
     options_typed, words = _parsed(called, options, rest, ended=name in _NAMED)
     _require_once(called, options, options_typed)
-    options_typed = [(key, _value(folder, options[key], value)) for key, value in options_typed]
+    options_typed = [(key, _value(folder, key, options[key], value)) for key, value in options_typed]
     values = dict(options_typed)
     if (rig := values.get("--rig") or RIGS[0]) not in RIGS:
         _require_live(rig)
@@ -143,7 +147,7 @@ def _require_live(rig: str) -> None:
 
 
 def _parsed(
-    called: str, options: Mapping[str, Kind], rest: Sequence[str], *, ended: bool
+    called: str, options: Mapping[str, OptionField], rest: Sequence[str], *, ended: bool
 ) -> tuple[list[_Option], list[str]]:
     """The options of a command and its other words. `ended`: behind `--` no word is an option."""
     options_typed: list[_Option] = []
@@ -158,9 +162,9 @@ def _parsed(
             continue
         key, joined, value = word.partition("=")
         key = _SHORT.get(key, key)
-        kind = options.get(key)
-        if kind is None:
+        if key not in options:
             raise BadInput(f"{called} has no such option in the app", found=key, allowed=", ".join(options))
+        kind = kind_of(options[key])
         if kind == "flag" and joined:
             raise BadInput(f"{key} takes no value", found=value)
         if kind != "flag" and not joined:
@@ -171,17 +175,24 @@ def _parsed(
     return options_typed, words
 
 
-def _require_once(called: str, options: Mapping[str, Kind], options_typed: Sequence[_Option]) -> None:
+def _require_once(called: str, options: Mapping[str, OptionField], options_typed: Sequence[_Option]) -> None:
     """Of an option that stands twice one is carried out; that the other one was checked is worth nothing."""
-    keys = [key for key, _ in options_typed if options[key] not in ("values", "held out")]
+    keys = [key for key, _ in options_typed if kind_of(options[key]) not in ("values", "held out")]
     for key in keys:
         if keys.count(key) > 1:
             raise BadInput(f"{key} of {called} is stated twice", allowed=f"{key} once")
 
 
-def _value(folder: Folder, kind: Kind, value: str | None) -> str | None:
-    named = kind in ("read", "write") or (kind == "held out" and is_run_name(value or ""))
-    return _file(folder, value) if value is not None and named else value
+def _value(folder: Folder, key: str, one: OptionField, value: str | None) -> str | None:
+    """Refused, at the option, where it cannot have this value."""
+    if value is None:
+        return None
+    kind = kind_of(one)
+    with at_key("command", key):
+        if kind in ("read", "write") or (kind == "held out" and is_run_name(value)):
+            return _file(folder, value)
+        one.require_typed(value)
+    return value
 
 
 def _file(folder: Folder, name: str) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ...model.errors import BadInput
-from ...model.options import Option
+from ...model.options import JOINT_3, Option
 from ..command_options import HoldOut, Without
 
 FASTEST = 60.0  # deg/s
@@ -57,27 +57,37 @@ class ProgramMotion:
     first position register for what is recorded; `listener` HOST:PORT.
     """
 
-    speed: Annotated[float, Option("Speed of the fastest joint, degrees a second.")] = 10.0
+    speed: Annotated[float, Option("Speed of the fastest joint, degrees a second.", unit="deg/s")] = 10.0
     zone: Annotated[
         float,
         Option(
-            "Rounding of intermediate postures: mm (rapid, urscript, robodk, as, val3), percent (krl, fanuc)."
+            "Rounding of intermediate postures: mm (rapid, urscript, robodk, as, val3), percent (krl,"
+            " fanuc).",
+            label="Rounding, mm or %",
         ),
     ] = 0.0
     tool: Annotated[
         str | None,
         Option(
-            "Tool of the controller: a name (rapid, drl, as, tmscript), a number (krl, fanuc, inform, slim)."
+            "Tool of the controller: a name (rapid, drl, as, tmscript), a number (krl, fanuc, inform, slim).",
+            label="Tool of the controller",
         ),
     ] = None
     j3: Annotated[
         _J3,
         Option(
-            "fanuc, robodk, csv, pdf: what the pendant counts joint 3 from, if not as the robot file states."
+            "fanuc, robodk, csv, pdf: what the pendant counts joint 3 from, if not as the robot file states.",
+            label=JOINT_3,
         ),
     ] = None
-    register: Annotated[int | None, Option("fanuc: first position register for the joints (1).")] = None
-    listener: Annotated[str | None, Option("urscript: HOST:PORT that the joints are sent to as well.")] = None
+    register: Annotated[
+        int | None,
+        Option("fanuc: first position register for the joints (1).", label="First register"),
+    ] = None
+    listener: Annotated[
+        str | None,
+        Option("urscript: HOST:PORT that the joints are sent to as well.", label="Joints also sent to"),
+    ] = None
 
     def __post_init__(self) -> None:
         if not 0.1 <= self.speed <= FASTEST:

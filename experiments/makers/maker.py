@@ -36,13 +36,42 @@ _OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|comau|meca ?500"
 
 
 PointNames = Annotated[
-    Sequence[str] | None, Option("Points to use, by name: a,b,c (default: all).", text=names_typed)
+    Sequence[str] | None,
+    Option("Points to use, by name: a,b,c (default: all).", text=names_typed, among="points"),
 ]
-StillDeg = Annotated[float | None, Option("Dwell: each joint within so many degrees.")]
-StillSeconds = Annotated[float | None, Option("Dwell: for at least so many seconds.")]
-StillMm = Annotated[float | None, Option("Dwell: each prismatic joint within so many mm.")]
-Decimal = Annotated[str, Option("Decimal sign: . or ,")]
-MarkerColumn = Annotated[str | None, Option("Only dwells in which this column becomes other than 0.")]
+_TIMES = ("--time-column",)  # where times are a column that is stated
+StillDeg = Annotated[
+    float | None,
+    Option(
+        "Dwell: each joint within so many degrees.",
+        label="Dwell: each joint within",
+        needs=_TIMES,
+        unit="deg",
+    ),
+]
+StillSeconds = Annotated[
+    float | None,
+    Option("Dwell: for at least so many seconds.", label="Dwell: for at least", needs=_TIMES, unit="s"),
+]
+StillMm = Annotated[
+    float | None,
+    Option(
+        "Dwell: each prismatic joint within so many mm.",
+        label="Dwell: prismatic joints within",
+        needs=_TIMES,
+        unit="mm",
+    ),
+]
+Decimal = Annotated[str, Option("Decimal sign: . or ,", label="Decimal sign")]
+MarkerColumn = Annotated[
+    str | None,
+    Option(
+        "Only dwells in which this column becomes other than 0.",
+        label="Marker (trigger)",
+        among="columns",
+        needs=_TIMES,
+    ),
+]
 
 
 class NamedFormat(Protocol):

@@ -38,21 +38,50 @@ def _direction(text: str) -> tuple[float, ...] | None:
     return None if text == "any" else numbers_typed(3, "--facing")(text)
 
 
+OPTIMAL, PATTERN = ("optimal",), ("x,y",)  # for which kind of plan: the word of the command
+
+
+def _line(help: str, flag: str, unit: str = "mm", least: float | None = None) -> Option:
+    label = f"{flag.removeprefix('--').capitalize()} of the line"
+    return Option(help, flag, least=least, label=label, unit=unit, needs=PATTERN, rare=True)
+
+
 # Stated in study files too.
-CriterionOfPlan = Annotated[Literal["A", "D", "E"], Option("Criterion of an optimal plan.")]
-AcceptanceDeg = Annotated[
-    float, Option("Largest angle between the beam and that normal, deg.", "--acceptance")
+CriterionOfPlan = Annotated[
+    Literal["A", "D", "E"], Option("Criterion of an optimal plan.", needs=OPTIMAL, rare=True)
 ]
-MarginDeg = Annotated[float, Option("Distance kept from every joint limit, deg.", "--margin", least=0)]
+AcceptanceDeg = Annotated[
+    float,
+    Option(
+        "Largest angle between the beam and that normal, deg.",
+        "--acceptance",
+        label="Largest angle to it",
+        unit="deg",
+        needs=OPTIMAL,
+        rare=True,
+    ),
+]
+MarginDeg = Annotated[
+    float,
+    Option(
+        "Distance kept from every joint limit, deg.",
+        "--margin",
+        least=0,
+        label="Margin to limits",
+        unit="deg",
+        needs=OPTIMAL,
+        rare=True,
+    ),
+]
 LineDistance = Annotated[
     float | None,
-    Option("x, y: of the middle of the pattern's line before the base's z axis, mm.", "--distance"),
+    _line("x, y: of the middle of the pattern's line before the base's z axis, mm.", "--distance"),
 ]
-LineHeight = Annotated[float | None, Option("x, y: of the pattern's line over the target, mm.", "--height")]
-LineWidth = Annotated[float | None, Option("x, y: length of the pattern's line, mm.", "--width", least=0)]
+LineHeight = Annotated[float | None, _line("x, y: of the pattern's line over the target, mm.", "--height")]
+LineWidth = Annotated[float | None, _line("x, y: length of the pattern's line, mm.", "--width", least=0)]
 FlangeRoll = Annotated[
     float | None,
-    Option("x, y: rotation of the flange about the beams, deg; 0: b1 along the line.", "--roll"),
+    _line("x, y: rotation of the flange about the beams, deg; 0: b1 along the line.", "--roll", unit="deg"),
 ]
 
 
@@ -77,6 +106,8 @@ class PlanOptions:
         Option(
             "Position of the target: X,Y,Z in mm, base frame; default: the header's. Not for verify.",
             text=numbers_typed(3, "--target"),
+            unit="mm",
+            parts=("x", "y", "z"),
         ),
     ] = None
     shots: Annotated[
@@ -86,6 +117,7 @@ class PlanOptions:
             " needs).",
             least=2,
             most=10_000,
+            label="Measurements",
         ),
     ] = None
     repeat: Annotated[
@@ -95,6 +127,7 @@ class PlanOptions:
             " or drifts, a target that moves and a wrong reading show in the difference. Not for verify.",
             least=0,
             most=10_000,
+            label="Again at the end",
         ),
     ] = USUAL_REPEATS
     measure: Annotated[
@@ -105,33 +138,65 @@ class PlanOptions:
             metavar="NAME[@TARGET,…]=COUNT",
             text=portions_typed,
             typed=list[str],
+            needs=OPTIMAL,
+            rare=True,
         ),
     ] = field(default_factory=dict)
-    candidates: Annotated[int, Option("Candidate postures to choose from.", least=10, most=1_000_000)] = (
-        10_000
-    )
+    candidates: Annotated[
+        int,
+        Option("Candidate postures to choose from.", least=10, most=1_000_000, needs=OPTIMAL, rare=True),
+    ] = 10_000
     criterion: CriterionOfPlan = "A"
     tolerance: Annotated[
         float | None,
         Option(
             "Take the fewest measurements that reach this standard uncertainty (deg; mm) and detect"
-            " wrong models."
+            " wrong models.",
+            label="… or as few as reach u",
+            unit="deg",
+            needs=OPTIMAL,
         ),
     ] = None
-    max_shots: Annotated[int, Option("With --tolerance: the most measurements.", least=2, most=10_000)] = 30
+    max_shots: Annotated[
+        int,
+        Option(
+            "With --tolerance: the most measurements.",
+            least=2,
+            most=10_000,
+            label="At most, with u",
+            needs=("--tolerance", "optimal"),
+        ),
+    ] = 30
     facing: Annotated[
         tuple[float, ...] | None,
-        Option("Outward normal of the target's face: X,Y,Z, or any.", text=_direction),
+        Option(
+            "Outward normal of the target's face: X,Y,Z, or any.",
+            text=_direction,
+            label="Normal of the target, or any",
+            needs=OPTIMAL,
+            rare=True,
+        ),
     ] = (0.0, 0.0, 1.0)
     acceptance_deg: AcceptanceDeg = 60.0
     beam_mm: Annotated[
         tuple[float, ...],
-        Option("Shortest and longest beam, mm: MIN,MAX.", "--beam", text=numbers_typed(2, "--beam")),
+        Option(
+            "Shortest and longest beam, mm: MIN,MAX.",
+            "--beam",
+            text=numbers_typed(2, "--beam"),
+            unit="mm",
+            parts=("at least", "at most"),
+            needs=OPTIMAL,
+            rare=True,
+        ),
     ] = (200.0, 2000.0)
     margin_deg: MarginDeg = 5.0
     distance_mm: LineDistance = None
     height_mm: LineHeight = None
     width_mm: LineWidth = None
     roll_deg: FlangeRoll = None
-    obstacles: Annotated[Path | None, Option("Obstacles file (.yaml): floor, boxes.")] = None
+    obstacles: Annotated[
+        Path | None,
+        Option("Obstacles file (.yaml): floor, boxes.", among="obstacles", needs=OPTIMAL, rare=True),
+    ] = None
     seed: Seed = 0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from ...model.options import Option
+from ...model.options import JOINT_3, Option
 from ..command_options import HoldOut, Without
 
 
@@ -20,11 +20,17 @@ class BackupOptions:
             " without NAME that of all positions that leave it open. Repeatable.",
             "--tool",
             metavar="POSE",
+            rare=True,
         ),
     ] = ()
     frames: Annotated[
         Sequence[str],
-        Option("The same of a work object, base or user frame. Repeatable.", "--frame", metavar="POSE"),
+        Option(
+            "The same of a work object, base or user frame. Repeatable.",
+            "--frame",
+            metavar="POSE",
+            rare=True,
+        ),
     ] = ()
     new_tools: Annotated[
         Sequence[str],
@@ -32,29 +38,42 @@ class BackupOptions:
             "Pose of a tool that was measured again since: positions are written for it. Repeatable.",
             "--new-tool",
             metavar="POSE",
+            rare=True,
         ),
     ] = ()
     new_frames: Annotated[
-        Sequence[str], Option("The same of a frame. Repeatable.", "--new-frame", metavar="POSE")
+        Sequence[str], Option("The same of a frame. Repeatable.", "--new-frame", metavar="POSE", rare=True)
     ] = ()
     base: Annotated[
         str | None,
-        Option("Pose of the arm's base in the world, if it is not 0 and not in the backup.", metavar="POSE"),
+        Option(
+            "Pose of the arm's base in the world, if it is not 0 and not in the backup.",
+            metavar="POSE",
+            label="Base of the arm in the world",
+            rare=True,
+        ),
     ] = None
     near: Annotated[
         str | None,
-        Option("Joints J1,J2,… in degrees near which the poses without a configuration are."),
+        Option(
+            "Joints J1,J2,… in degrees near which the poses without a configuration are.",
+            label="Joints near poses without a configuration",
+            rare=True,
+        ),
     ] = None
     accept: Annotated[
         Sequence[str],
         Option(
             "Lines of the table that you have looked at: FILE:LINE, FILE:FIRST-LAST, several with commas.",
             metavar="LINES",
+            label="Lines that you have looked at",
         ),
     ] = ()
     j3: Annotated[
         Literal["ground", "link"] | None,
-        Option("fanuc: what joint 3 is counted from, if not as the robot file states."),
+        Option(
+            "fanuc: what joint 3 is counted from, if not as the robot file states.", label=JOINT_3, rare=True
+        ),
     ] = None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
@@ -14,27 +15,67 @@ from zerobeam.experiments.makers.maker import makers
 
 
 def test_every_form_of_every_maker_can_be_exported_with_its_options(client: TestClient, root: Path) -> None:
-    forms = client.get("/api/exports").json()
+    forms = client.get("/api/forms?of=export").json()
     assert {form["name"] for form in forms} == {kind.name for maker in makers() for kind in maker.offsets}
     for form in forms:
         assert form["about"].endswith(".")
-        options = [
-            f"{option['flag']}={(option['choices'] or ['plan.yaml'])[0]}" for option in form["options"]
-        ]
-        out = f"--out=offsets.{form['ending']}"
-        command = job_command(Folder(root), ["export", form["name"], "run.jsonl", out, *options])
+        options = [_stated(field) for field in form["fields"]]
+        out = f"--out={form['files'][0]}"
+        command = job_command(Folder(root), [*form["command"], "run.jsonl", out, *options])
         assert {*options} <= {*command}
     moc = next(form for form in forms if form["name"] == "moc")
-    assert [option["flag"] for option in moc["options"]] == ["--against", "--motor-sign", "--ratio", "--unit"]
-    assert [option["file"] for option in moc["options"]] == [True, False, False, False]
+    flags = [field["flag"] for field in moc["fields"]]
+    assert flags[:4] == ["--against", "--motor-sign", "--ratio", "--unit"]
+    assert [field["among"] for field in moc["fields"][:4]] == ["files", None, None, None]
+    assert {"--allow-weak", "--allow-displaced", "--allow-assumed", "--unvalidated"} <= {*flags}
     fanuc = next(form for form in forms if form["name"] == "fanuc")
-    assert fanuc["options"][0]["choices"] == ["ground", "link"]
+    assert [choice["value"] for choice in fanuc["fields"][0]["choices"]] == ["ground", "link"]
+
+
+def _stated(field: dict[str, Any]) -> str:
+    if field["kind"] == "box":
+        return str(field["flag"])
+    return f"{field['flag']}={next((choice['value'] for choice in field['choices']), 'plan.yaml')}"
+
+
+def test_what_an_option_cannot_be_is_refused_at_its_field(client: TestClient, root: Path) -> None:
+    made = ["plan", "optimal", "--header=plan.yaml", "--out=new.yaml"]
+    for word, allowed in {
+        "--shots=1": "a whole number, 2 to 10000",
+        "--shots=many": "a whole number",
+        "--criterion=F": "A, D, E",
+        "--beam=1": "2 numbers up to 1e+06 separated by commas",
+        "--target=0,0": "3 numbers up to 1e+06 separated by commas",
+        "--measure=laser": None,
+        "--obstacles=../outside.yaml": None,
+    }.items():
+        error = client.post("/api/jobs", json={"command": [*made, word]}).json()["error"]
+        assert error["key"] == ["command", word.partition("=")[0]], error
+        assert allowed is None or error["allowed"] == allowed, error
+    assert job_command(Folder(root), [*made, "--shots=12", "--criterion=D", "--beam=200,900"])
+
+
+def test_a_form_says_of_an_option_what_its_record_says(client: TestClient) -> None:
+    fields = {
+        form["name"]: {field["flag"]: field for field in form["fields"]}
+        for form in client.get("/api/forms?of=plan").json()
+    }
+    assert {*fields} == {"optimal", "x", "y"}
+    assert "--facing" in fields["optimal"]
+    assert "--facing" not in fields["x"]
+    assert {"--height", "--width"} <= {*fields["x"]}
+    repeat = fields["optimal"]["--repeat"]
+    bounds = (repeat["default"], repeat["least"], repeat["most"])
+    assert (repeat["kind"], *bounds) == ("whole", "2", 0, 10_000)
+    assert fields["optimal"]["--target"]["parts"] == ["x", "y", "z"]
+    assert fields["optimal"]["--max-shots"]["needs"] == ["--tolerance"]
+    assert client.get("/api/forms?of=robot").status_code == 400
 
 
 def test_a_plan_is_exported_in_the_app_as_by_the_command_line(client: TestClient, root: Path) -> None:
     from command_line import zerobeam
 
-    forms = client.get("/api/plan-exports").json()
+    forms = client.get("/api/forms?of=export plan").json()
     refusal = " ".join(zerobeam("export", "plan", "nothing", "plan.yaml", "-o", "out").err.split())
     assert [form["name"] for form in forms[1:]] + ["pdf"] == re.findall(r"'(\w+)'", refusal)[2:]
     assert forms[0]["name"] == "pdf"
@@ -46,10 +87,10 @@ def test_a_plan_is_exported_in_the_app_as_by_the_command_line(client: TestClient
         "register": "2",
         "listener": "10.0.0.1:5",
     }
-    assert {option for form in forms for option in form["options"]} == {*options}
+    assert {field["flag"] for form in forms for field in form["fields"]} == {f"--{name}" for name in options}
     for form in forms:
-        stated = [f"--{name}={options[name]}" for name in form["options"]]
-        words = ["export", "plan", form["name"], "plan.yaml", f"--out={form['files'][0]}", *stated]
+        stated = [f"{one['flag']}={options[one['flag'][2:]]}" for one in form["fields"]]
+        words = [*form["command"], "plan.yaml", f"--out={form['files'][0]}", *stated]
         assert {*stated} <= {*job_command(Folder(root), words)}
 
 

@@ -102,8 +102,10 @@ def test_options_cannot_be_taken_for_files(root: Path) -> None:
     folder = Folder(root)
     made = job_command(folder, ["plan", "x", "--header=h.yaml", "--target", "-1,2,3", "-o", "n.yaml"])
     assert made == ["plan", "x", "--header=h.yaml", "--target=-1,2,3", "--out=n.yaml", "--json"]
-    made = job_command(folder, ["analyse", "./sub/../run.jsonl", "--seed", "--json"])
-    assert made == ["analyse", "--seed=--json", "--json", "--", "run.jsonl"]
+    made = job_command(folder, ["analyse", "./sub/../run.jsonl", "--seed", "7"])
+    assert made == ["analyse", "--seed=7", "--json", "--", "run.jsonl"]
+    with pytest.raises(BadInput, match="--seed cannot be used"):
+        job_command(folder, ["analyse", "run.jsonl", "--seed", "--json"])
     with pytest.raises(BadInput, match="no such option"):
         job_command(folder, ["analyse", "-h", "run.jsonl"])
 

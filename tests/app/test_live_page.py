@@ -10,7 +10,9 @@ from chromium import LAPTOP, Tab, chromium
 from live_controllers import LiveArm, UrStandIn
 from starlette.testclient import TestClient
 
+from zerobeam.app.server.answers.forms import run_forms
 from zerobeam.experiments.rigs.live.address import SCHEMES
+from zerobeam.experiments.rigs_offered import OfferedRig, OfferedRun
 from zerobeam.model.files.run import read_run
 
 AT = [20.0, -80.0, 70.0, -40.0, 60.0, 10.0]
@@ -24,12 +26,17 @@ ASKED = "(document.querySelector('.asked-title')?.textContent ?? '')"
 DOUBT = "(document.querySelector('#hand-doubt')?.textContent ?? '')"
 
 
-def test_the_protocols_are_those_of_the_rigs(client: TestClient) -> None:
-    forms = client.get("/api/live").json()
-    assert {form["scheme"]: (form["port"], form["vendor"], form["options"]) for form in forms} == {
-        name: (scheme.port, scheme.vendor, list(scheme.options)) for name, scheme in SCHEMES.items()
-    }
-    assert all(form["maker"] for form in forms)
+@pytest.mark.parametrize("vendor", [None, "universal-robots", "abb"])
+def test_the_protocols_are_those_of_the_rigs_for_the_arm(vendor: str | None) -> None:
+    rigs = [OfferedRig(name="live", words="Joints read")]
+    forms = run_forms(OfferedRun(rigs=rigs, servo=True, closing=True), vendor)
+    fit = {name: one for name, one in SCHEMES.items() if vendor is None or one.vendor in (None, vendor)}
+    assert {form.name: form.vendor for form in forms} == {name: one.vendor for name, one in fit.items()}
+    for form in forms:
+        address = form.fields[0]
+        assert (address.flag, address.before, address.required) == ("--rig", f"{form.name}://", True)
+        told = [f"usual: {fit[form.name].port}", *(f"{one}=" for one in fit[form.name].options)]
+        assert all(words in address.help for words in told)
 
 
 @pytest.mark.parametrize(
@@ -68,9 +75,8 @@ def test_joints_are_read_where_the_person_confirms_and_a_moving_arm_is_refused(t
         chromium().opened(f"{served.address}#/job/cell/measure", LAPTOP) as tab,
     ):
         wait(tab, "document.querySelector('form.start button.main:not(:disabled)')")
-        tab.on(lambda page: page.get_by_label("By hand, joints read from the controller").click())
+        tab.on(lambda page: page.get_by_label("joints read from the controller: Universal Robots").click())
         wait(tab, "document.querySelector('form.start button.main:disabled')")  # no address was typed
-        wait(tab, "[...document.querySelectorAll('select')].some((one) => one.value === 'ur')")  # by the arm
         where = f"{server.url.removeprefix('ur://')}?arm={server.serial}&dashboard={server.dashboard.port}"
         tab.on(lambda page: page.get_by_label("Controller’s address").fill(where))
         tab.on(lambda page: page.get_by_label("Run file", exact=True).fill("cell/live.jsonl"))

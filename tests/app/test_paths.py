@@ -22,13 +22,18 @@ from exact_runs import demo_runs
 from starlette.testclient import TestClient
 
 from zerobeam.app.server.folder import Folder
-from zerobeam.app.server.job_commands import ALLOWED, job_command
+from zerobeam.app.server.job_commands import ALLOWED, job_command, kind_of
 from zerobeam.app.server.requests import END_POINTS
 from zerobeam.commands.program import app
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN
 
 SECRET = "swordfish"
+# The kinds of the options that a job may state, by its command.
+KINDS = {
+    name: (files, {key: kind_of(one) for key, one in options.items()})
+    for name, (files, options) in ALLOWED.items()
+}
 # Traversal, absolute, through links (of a file, of a folder), hidden, NUL, another system's, none, too long.
 NAMES = {
     "traversal": "../outside.yaml",
@@ -72,7 +77,7 @@ OTHERS |= {
     "serial",
 }
 OTHERS |= {"measurements", "mounted", "version", "links", "position_mm", "quaternion_wxyz"}
-OTHERS |= {"command", "password", "text"}  # of jobs: see NAMED_BY
+OTHERS |= {"of", "command", "password", "text"}  # of jobs: see NAMED_BY
 
 
 def _urdf(name: str) -> dict[str, str]:
@@ -228,7 +233,7 @@ def test_the_table_has_every_field(client: TestClient) -> None:
             assert f"{point.method} {point.path} {field}" in REQUESTS, (point.path, field)
     served: Any = client.app
     named = {name.split()[1] for name in REQUESTS}
-    without = {"/", "/page", "/api/files", "/api/jobs", "/api/example", "/openapi.json"} | {
+    without = {"/", "/page", "/api/forms", "/api/files", "/api/jobs", "/api/example", "/openapi.json"} | {
         point.path for point in END_POINTS if not point.query and point.sent is None
     }
     for route in served.routes:
@@ -360,7 +365,7 @@ def test_a_posterior_holds_its_own_draws(client: TestClient, there: Path) -> Non
 
 def _commands() -> Iterator[tuple[list[str], dict[str, str], list[str]]]:
     """The words, the options that name files, and the files of each command that jobs carry out."""
-    for name, (files, options) in ALLOWED.items():
+    for name, (files, options) in KINDS.items():
         needed = {key: "new" for key, kind in options.items() if kind == "write"}
         read = {key: "plan.yaml" for key, kind in options.items() if kind == "read"}
         yield list(name), needed | read, ["plan.yaml"] * files
@@ -392,7 +397,7 @@ def test_no_word_of_a_job_leads_out(there: Path, name: str) -> None:
 
 
 def test_what_a_person_alone_may_state_is_no_option_of_a_job() -> None:
-    options = {key for _, allowed in ALLOWED.values() for key in allowed}
+    options = {key for _, allowed in KINDS.values() for key in allowed}
     alone = {"--force", "--overwrite", "--yes", "--password", "--watch", "--recorded", "--drop", "--save"}
     assert not options & {*alone, "--workers", "--scheduler", "--json", "--picture", "--serial", "--when"}
     assert {"--resume", "--host", "--user", "--hold-out", "--distance"} <= options  # the control
@@ -401,10 +406,10 @@ def test_what_a_person_alone_may_state_is_no_option_of_a_job() -> None:
 def test_no_option_of_a_job_is_stated_twice(there: Path) -> None:
     """Of two, one was checked and the other carried out."""
     folder = Folder(there)
-    for name, (files, options) in ALLOWED.items():
+    for name, (files, options) in KINDS.items():
         needed = [f"{key}=new" for key, kind in options.items() if kind == "write"]
         for key, kind in options.items():
-            option = key if kind == "flag" else f"{key}=1"
+            option = key if kind == "flag" else f"{key}=laser=1" if key == "--measure" else f"{key}=1"
             command = [*name, *(own for own in needed if not own.startswith(f"{key}=")), option, option]
             if kind in ("values", "held out"):
                 made = job_command(folder, [*command, *["plan.yaml"] * files])
@@ -424,7 +429,7 @@ def test_no_option_of_a_job_is_stated_twice(there: Path) -> None:
 def test_every_allowed_option_exists_and_one_that_takes_a_path_is_resolved() -> None:
     """By the commands' own types; an option of which a value is text cannot name a file."""
     found = set()
-    for name, (files, options) in ALLOWED.items():
+    for name, (files, options) in KINDS.items():
         command: Any = typer.main.get_command(app)
         words = list(name)
         while hasattr(command, "commands"):

@@ -413,6 +413,7 @@ def test_the_history_shows_each_joint_over_time_and_makes_the_pages(folder: Path
         rows = tab.value("[...document.querySelectorAll('.history tbody th')].map((e) => e.textContent)")
         assert rows == [f"arm{k}/run.jsonl" for k in range(4)]
         assert "of 1 arm" in tab.text
+        wait(tab, button("Make the pages"))
         tab.value(f"{button('Make the pages')}.click()")
         opened = "document.querySelector('.drift .job a')"
         wait(tab, opened, 120)

@@ -67,9 +67,17 @@ export function ofCalibration(first) {
     /** @returns {T} */
     get value() { return all.value.get(route.value.name) ?? first; },
     set value(next) { all.value = new Map(all.value).set(route.value.name, next); },
-    /** What a field with this key of it says. @param {keyof T} key @returns {(stated: T[keyof T]) => void} */
-    at(key) { return (stated) => { this.value = { ...this.value, [key]: stated }; }; },
   };
+}
+
+/** What is typed into a form of each calibration, by option. @param {import("../parts/Fields.js").Values} [first] */
+export function typedIn(first = {}) {
+  const typed = ofCalibration(first);
+  return { get value() { return typed.value; },
+    set: (/** @type {string} */ flag, /** @type {string} */ text) => {
+      typed.value = { ...typed.value, [flag]: text };
+    },
+    clear: () => { typed.value = first; } };
 }
 
 let silence = 0;

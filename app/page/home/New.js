@@ -6,7 +6,7 @@ import { useSignal } from "@preact/signals";
 import { get, latest, post, Refused } from "../core/api.js";
 import { well } from "../core/jobs.js";
 import { goOn, route, toJob } from "../core/route.js";
-import { attempt, failed, home, ofKind, refresh, robots } from "../core/store.js";
+import { failed, home, ofKind, refresh, robots } from "../core/store.js";
 import { MOUNTED, mountedWords } from "../core/mounting.js";
 import { fixed, sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
@@ -83,30 +83,26 @@ export function New() {
     ...(serial.value.trim() ? { serial: serial.value.trim() } : {}),
     ...(measurements.value ? { measurements: measurements.value } : {}),
   });
-  const make = (/** @type {Event} */ event) => {
-    event.preventDefault();
-    const from = route.value;
-    attempt(async () => {
-      wrong.value = null;
-      lines.value = [];
-      try {
-        const stated = entries();
-        sent.value = JSON.stringify(stated);
-        const made = await post("/api/calibrations", stated);
-        const ended = await carryOut(made.command, "Making the plan");
-        if (well(ended) && ended.answer?.plan) {
-          goOn(from, toJob(made.name, "plan"));
-          return;
-        }
-        const left = ended.gone ? "" : await withdrawn(made);
-        lines.value = ["No plan was made", ...(ended.answer?.said ?? []),
-          ...(ended.answer?.removed ? [ended.answer.removed] : []), left].filter(Boolean);
-        await refresh();
-      } catch (error) {
-        if (!(error instanceof Refused)) throw error;
-        wrong.value = error;
+  const make = async () => {
+    const from = route.value, stated = entries();
+    wrong.value = null;
+    lines.value = [];
+    sent.value = JSON.stringify(stated);
+    try {
+      const made = await post("/api/calibrations", stated);
+      const ended = await carryOut(made.command, "Making the plan");
+      if (well(ended) && ended.answer?.plan) {
+        goOn(from, toJob(made.name, "plan"));
+        return;
       }
-    });
+      const left = ended.gone ? "" : await withdrawn(made);
+      lines.value = ["No plan was made", ...(ended.answer?.said ?? []),
+        ...(ended.answer?.removed ? [ended.answer.removed] : []), left].filter(Boolean);
+      await refresh();
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      wrong.value = error;
+    }
   };
   // What was refused is of what was sent: another entry is not refused before it is sent.
   const refusal = sent.value === JSON.stringify(entries()) ? wrong.value : null;

@@ -4,6 +4,7 @@ import { useEffect } from "preact/hooks";
 import { route } from "../core/route.js";
 import { attempt } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
+import { useForms } from "../parts/Fields.js";
 import { Fold } from "../parts/Fold.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
@@ -13,7 +14,7 @@ import { chosen } from "./header.js";
 import { HeaderChoice } from "./HeaderChoice.js";
 import { Mapper } from "./Mapper.js";
 import { Options } from "./Options.js";
-import { aboutOf, format, forms as allForms, formatsOf, loadForms, setFormat, values } from "./formats.js";
+import { aboutOf, format, formatsOf, setFormat, values } from "./formats.js";
 import { Outcome } from "./Outcome.js";
 import { Recordings } from "./Recordings.js";
 import { choose, recordings } from "./sources.js";
@@ -50,8 +51,7 @@ function Format() {
 }
 
 export function Import() {
-  const { file } = route.value, now = command.value, busy = underWay.value !== null;
-  useEffect(() => { attempt(loadForms); }, []);
+  const { file } = route.value, now = command.value, busy = underWay.value !== null, forms = useForms("import");
   useEffect(() => { if (file) attempt(() => choose(file)); }, [file]);
   const changed = now !== null && outcome.value !== null && outcome.value.words !== wordsOf(now.words);
   return html`
@@ -59,7 +59,7 @@ export function Import() {
       <p class="muted">Recorded joint positions become a run. What is not in a recording you state: nothing is guessed,
         and a proposal is applied only when you take it.</p>
       <${Recordings} />
-      ${recordings.value.length > 0 && allForms.value !== null && html`
+      ${recordings.value.length > 0 && forms.length > 0 && html`
         <${Format} />
         <${HeaderChoice} />
         ${chosen.value && format.value && html`

@@ -183,7 +183,7 @@ export function Measure() {
       <${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt} live=${seen.rig === "live"} />`}
     ${!underWay.value && html`
       <${Unfinished} /><h2>${following ? "Another run" : "Carry the plan out"}</h2>
-      <${Start} plan=${plan} offered=${offered.value?.of === plan ? offered.value.runs : null}
+      <${Start} plan=${plan} rigs=${offered.value?.of === plan ? offered.value.rigs : null}
         onPlan=${(/** @type {string} */ value) => {
           picked.value = value;
           if (file) go(toJob(name, "measure", value), { replace: true });

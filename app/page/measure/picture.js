@@ -15,7 +15,7 @@ const NEAR = 0.05; // degrees or mm
 /** The plan of the run, checked. */
 export const planned = signal(/** @type {{of: string, robot: DrawnArm, checked: Checked} | null} */ (null));
 /** What can carry a plan out. */
-export const offered = signal(/** @type {{of: string, runs: import("answers").OfferedRun} | null} */ (null));
+export const offered = signal(/** @type {{of: string, rigs: import("answers").RigForm[]} | null} */ (null));
 let wanted = "";
 
 /** What the pictures need of a plan. @param {string} file @param {string | null} version of the file */
@@ -26,7 +26,7 @@ export async function preparePlan(file, version) {
   planned.value = null;
   try {
     const found = await getFile("plan", file);
-    if (wanted === now) offered.value = { of: file, runs: found.runs };
+    if (wanted === now) offered.value = { of: file, rigs: found.rigs };
     const asked = { plan: found.plan, file: found.file, scene: true, links: true };
     const checked = /** @type {Checked} */ (await post("/api/check", asked));
     if (wanted === now) planned.value = { of: file, robot: found.robot, checked };

@@ -3,7 +3,7 @@ import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { downloadOf } from "../core/api.js";
 import { begin, over, well } from "../core/jobs.js";
-import { attempt, refresh } from "../core/store.js";
+import { refresh } from "../core/store.js";
 import { sentence } from "../core/words.js";
 import { Submit } from "./Form.js";
 import { JobProgress } from "./JobProgress.js";
@@ -15,21 +15,13 @@ import { JobProgress } from "./JobProgress.js";
 export function useWritten() {
   /** @type {Made} */
   const made = useSignal(null);
-  /**
-   * Begins what is asked for, and says which files it will write; null: nothing.
-   * @param {() => {words: string[], files: string[]} | null | Promise<{words: string[], files: string[]} | null>} ask
-   */
-  const onSubmit = (ask) => (/** @type {Event} */ event) => {
-    event.preventDefault();
-    attempt(async () => {
-      const asked = await ask();
-      if (asked === null) return;
-      const job = await begin(asked.words);
-      made.value = { job, files: asked.files };
-      if (well(await job.ended)) await refresh();
-    });
+  /** Begins a command, which will write these files. @param {string[]} words @param {string[]} files */
+  const carryOut = async (words, files) => {
+    const job = await begin(words);
+    made.value = { job, files };
+    if (well(await job.ended)) await refresh();
   };
-  return { made, onSubmit };
+  return { made, carryOut };
 }
 
 /**

@@ -6,7 +6,7 @@ export const value = (then) => (event) => then(/** @type {HTMLInputElement} */ (
 /** Whether it is ticked. @param {(on: boolean) => void} then @returns {(event: Event) => void} */
 export const checked = (then) => (event) => then(/** @type {HTMLInputElement} */ (event.target).checked);
 
-/** @template T @param {import("@preact/signals").Signal<T>} signal @returns {(value: T) => void} */
+/** @template T @param {{value: T}} signal @returns {(value: T) => void} */
 export const into = (signal) => (next) => { signal.value = next; };
 
 /**

@@ -2,34 +2,22 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { getFile, put, Refused } from "../core/api.js";
-import { parsedList } from "../core/decimal.js";
 import { answer, chosen, plan } from "../core/editing.js";
 import { well } from "../core/jobs.js";
 import { calibrationOf, goOn, route, toJob } from "../core/route.js";
-import { attempt, calibration, failed, freeName, inside, ofCalibration, ofKind } from "../core/store.js";
+import { calibration, freeName, inside, ofCalibration, ofKind, typedIn } from "../core/store.js";
 import { sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
-import { Fold } from "../parts/Fold.js";
+import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Form, Submit } from "../parts/Form.js";
 import { useCommand } from "../parts/JobProgress.js";
-import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { into } from "../parts/heard.js";
 
 /** @typedef {import("../core/editing.js").PlanContent} PlanContent */
 
 const OF_PLAN = " "; // the header of the plan that is open: no file has this name
-
-/** What is asked for; null: not stated. */
-const wish = ofCalibration({
-  kind: "optimal", target: /** @type {(number | null)[]} */ ([null, null, null]),
-  shots: /** @type {number | null} */ (null), repeat: /** @type {number | null} */ (null),
-  tolerance: /** @type {number | null} */ (null), most: /** @type {number | null} */ (30),
-  criterion: "A", candidates: /** @type {number | null} */ (10000), facing: "0, 0, 1",
-  acceptance: /** @type {number | null} */ (60), shortest: /** @type {number | null} */ (200),
-  longest: /** @type {number | null} */ (2000),
-  margin: /** @type {number | null} */ (5), obstacles: "", seed: /** @type {number | null} */ (0),
-});
+const kind = ofCalibration("optimal"), typed = typedIn();
 
 /** What all measurements have in common, as a header file beside the plan states it. @param {PlanContent} content */
 function headerOf(content) {
@@ -51,90 +39,41 @@ async function headerFile(out) {
   return name;
 }
 
-/** @param {string} header @param {string} out @param {number[] | null} target @returns {string[]} */
-function words(header, out, target) {
-  const now = wish.value, best = now.kind === "optimal";
-  /** @type {[string, unknown][]} */
-  const options = [["--header", header], ["--out", out], ["--target", target?.join(",")]];
-  if (!best || now.tolerance === null) options.push(["--shots", now.shots]);
-  options.push(["--repeat", now.repeat]);
-  if (best) {
-    if (now.tolerance !== null) options.push(["--tolerance", now.tolerance], ["--max-shots", now.most]);
-    options.push(["--criterion", now.criterion], ["--candidates", now.candidates],
-      ["--facing", now.facing.trim() === "any" ? "any" : parsedList(now.facing)?.join(",")],
-      ["--acceptance", now.acceptance],
-      ["--beam", now.shortest === null || now.longest === null ? null : `${now.shortest},${now.longest}`],
-      ["--margin", now.margin], ["--obstacles", now.obstacles], ["--seed", now.seed]);
-  }
-  return ["plan", now.kind,
-    ...options.filter(([, value]) => value !== "" && value !== null && value !== undefined)
-      .map(([name, value]) => `${name}=${value}`)];
-}
-
 export function Making() {
   const headers = [...(plan.value ? [[OF_PLAN, "of the plan that is open"]] : []),
     ...[...new Set([...(calibration.value?.files.header ?? []), ...ofKind("header")])].map((one) => [one, one])];
-  const header = useSignal(headers[0]?.[0] ?? ""), out = useSignal("");
-  const { busy, carryOut, progress } = useCommand();
-  const lines = useSignal(/** @type {string[]} */ ([]));
-  const now = wish.value, best = now.kind === "optimal";
-  const set = (/** @type {Partial<typeof wish.value>} */ more) => { wish.value = { ...wish.value, ...more }; };
+  const header = useSignal(headers[0]?.[0] ?? ""), out = useSignal(""), forms = useForms("plan");
+  const { busy, carryOut, progress } = useCommand(), lines = useSignal(/** @type {string[]} */ ([]));
+  const form = forms.find((one) => one.name === kind.value);
   const proposed = freeName(`${inside(route.value.name)}plan.yaml`);
-  const there = answer.value?.scene?.[chosen.value]?.target;
+  // Where the target of the posture is that is looked at, unless another place is stated.
+  const there = answer.value?.scene?.[chosen.value]?.target.map((v) => Number(v.toFixed(3))).join(",");
   if (!headers.length) {
     return html`
       <p class="muted">A plan needs a header (robot, instrument and noise). Begin with
         a <a href="#/new">new calibration</a>.</p>`;
   }
-  const make = (/** @type {Event} */ event) => {
-    event.preventDefault();
-    const from = route.value;
-    attempt(async () => {
-      lines.value = [];
-      const to = out.value.trim() || proposed;
-      const stated = now.target.every((one) => one !== null) ? /** @type {number[]} */ (now.target)
-        : there ? there.map((/** @type {number} */ v) => Number(v.toFixed(3))) : null;
-      const stating = header.value === OF_PLAN ? await headerFile(to) : header.value;
-      const ended = await carryOut(words(stating, to, stated), "Making the plan");
-      if (!well(ended) || !ended.answer) return;
-      lines.value = [...ended.answer.said, ...(ended.answer.removed ? [ended.answer.removed] : [])];
-      if (ended.answer.plan !== null) goOn(from, toJob(calibrationOf(to), "plan", to));
-    }).catch(failed);
+  if (!form) return html`<p class="muted">…</p>`;
+  const make = async () => {
+    const from = route.value, to = out.value.trim() || proposed;
+    lines.value = [];
+    const values = there && !typed.value["--target"] ? { ...typed.value, "--target": there } : typed.value;
+    const stating = header.value === OF_PLAN ? await headerFile(to) : header.value;
+    const ended = await carryOut([...form.command, `--header=${stating}`, `--out=${to}`,
+      ...wordsOf(form.fields, values)], "Making the plan");
+    if (!well(ended) || !ended.answer) return;
+    lines.value = [...ended.answer.said, ...(ended.answer.removed ? [ended.answer.removed] : [])];
+    if (ended.answer.plan !== null) goOn(from, toJob(calibrationOf(to), "plan", to));
   };
-  const number = (/** @type {string} */ label, /** @type {keyof typeof wish.value} */ key, more = {}) => html`
-    <${NumberField} label=${label} value=${now[key]} optional onValue=${wish.at(key)} ...${more} />`;
   return html`
     <${Form} class="making" onSubmit=${make}>
-      <div class="fields">
-        <${Choice} label="Kind" value=${now.kind}
-          items=${[["optimal", "optimal"], ["x", "X-Pattern"], ["y", "Y-Pattern"]]} onValue=${wish.at("kind")} />
-        <${Choice} label="Header" value=${header.value} items=${headers} onValue=${into(header)} />
-        ${number("Measurements", "shots", { whole: true, least: 2, placeholder: "as usual" })}
-        ${best && number("… or as few as reach u, °", "tolerance", { least: 0 })}
-        ${number("Again at the end", "repeat", { whole: true, least: 0, placeholder: "2" })}
-        ${["x", "y", "z"].map((axis, i) => html`
-          <${NumberField} label=${`Target ${axis}`} unit="mm" optional=${now.target.every((one) => one === null)}
-            value=${now.target[i]} placeholder=${there ? String(Math.round(there[i])) : "the header's"}
-            onValue=${(/** @type {number | null} */ value) =>
-              set({ target: now.target.map((one, k) => (k === i ? value : one)) })} />`)}
-        <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${into(out)} />
-      </div>
-      ${best && html`<${Fold} title="Constraints and search" kept><div class="fields">
-        <${TextField} label="Normal of the target, or any" value=${now.facing}
-          error=${now.facing.trim() === "any" || parsedList(now.facing)?.length === 3 ? ""
-            : "allowed: three numbers, or any"}
-          onValue=${wish.at("facing")} />
-        ${number("Largest angle to it", "acceptance", { unit: "°" })}${number("Shortest beam", "shortest",
-          { unit: "mm" })}${number("Longest beam", "longest", { unit: "mm" })}${number("Margin to limits", "margin",
-          { unit: "°", least: 0 })}
-        <${Choice} label="Obstacles" value=${now.obstacles} none="none" items=${ofKind("obstacles")}
-          onValue=${wish.at("obstacles")} />
-        <${Choice} label="Criterion" value=${now.criterion}
-          items=${[["A", "A: mean variance"], ["D", "D: generalised variance"], ["E", "E: largest variance"]]}
-          onValue=${wish.at("criterion")} />
-        ${number("At most, with u", "most", { whole: true, least: 2 })}${number("Candidates", "candidates",
-          { whole: true, least: 10 })}${number("Random seed", "seed", { whole: true, least: 0 })}
-      </div><//>`}
+      <div class="fields told">
+        <${Choice} label="Kind" value=${kind.value} items=${forms.map((one) => [one.name, one.label])}
+          onValue=${into(kind)} />
+        <${Choice} label="Header" value=${header.value} items=${headers} onValue=${into(header)} /></div>
+      <${Fields} key=${form.name} fields=${form.fields} values=${typed.value} onValue=${typed.set}
+        usual=${there ? { "--target": there } : {}} title="Constraints and search">
+        <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${into(out)} /><//>
       <p class="bar"><${Submit} disabled=${busy}>Make the plan<//></p>
       ${progress()}
       <ul class="lines">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>

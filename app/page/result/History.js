@@ -4,19 +4,18 @@ import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { pageOf } from "../core/api.js";
 import { well } from "../core/jobs.js";
-import { attempt } from "../core/store.js";
+import { typedIn } from "../core/store.js";
 import { toJob } from "../core/route.js";
 import { counted, expandedWord, marked, named } from "../core/words.js";
-import { typed } from "../core/decimal.js";
 import { Check } from "../parts/Check.js";
+import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Form, Submit } from "../parts/Form.js";
 import { useCommand } from "../parts/JobProgress.js";
-import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { estimateOf, expandedOf } from "./numbers.js";
 import { history } from "./state.js";
 import { Trend } from "./Trend.js";
-import { into, value as heard } from "../parts/heard.js";
+import { into } from "../parts/heard.js";
 import { Table } from "../parts/Table.js";
 
 /** @typedef {import("answers").BriefRun} BriefRun */
@@ -77,37 +76,33 @@ export function History({ serial, run }) {
     <${Drift} serial=${serial} />`;
 }
 
+const typed = typedIn({ "--as-of": new Intl.DateTimeFormat("sv").format(new Date()) });
+
 /**
  * The newest result of each run is put into a history, whose pages say which changes are real and when the next
  * calibration is due.
  * @param {{serial: string | null}} props
  */
 function Drift({ serial }) {
-  const all = useSignal(!serial), tolerance = useSignal(/** @type {number | null} */ (0.5));
-  const day = useSignal(new Intl.DateTimeFormat("sv").format(new Date())), db = useSignal("history.sqlite");
-  const folder = useSignal("");
+  const all = useSignal(!serial), db = useSignal("history.sqlite"), folder = useSignal(""), page = useSignal("");
+  const [form] = useForms("history"), { busy, carryOut, progress } = useCommand();
   const stated = (history.value?.runs ?? []).filter((run) =>
     run.serial && run.when && run.results.some((one) => !one.error));
   const files = stated.map((run) => /** @type {BriefResult} */ (run.results.find((one) => !one.error)).file);
   const of = all.value ? null : serial, arms = new Set(stated.map((run) => run.serial));
   const proposed = of ? `history-${of.replace(/[^A-Za-z0-9_]+/g, "-").slice(0, 40)}` : "history";
-  const page = useSignal(""), { busy, carryOut, progress } = useCommand();
-  const make = (/** @type {Event} */ event) => {
-    event.preventDefault();
-    attempt(async () => {
-      page.value = "";
-      for (let at = 0; at < files.length; at += AT_ONCE) {
-        const part = files.slice(at, at + AT_ONCE);
-        const add = ["history", "add", ...part, `--db=${db.value}`, "--replace"];
-        if (!well(await carryOut(add, `${counted(part.length, "result")} into ${db.value}`))) return;
-      }
-      const to = (folder.value.trim() || proposed).replace(/\/+$/, "");
-      const report = ["history", "report", `--db=${db.value}`,
-        `--tolerance-mm=${typed(tolerance.value ?? 0.5, 6)}`, ...(day.value ? [`--as-of=${day.value}`] : []),
-        `--out=${to}`, ...(of ? ["--", of] : [])];
-      if (!well(await carryOut(report, of ? `The page of ${of}` : "The pages of all arms"))) return;
-      page.value = `${to}/${of ? "arm" : "fleet"}.html`;
-    });
+  const make = async () => {
+    page.value = "";
+    for (let at = 0; at < files.length; at += AT_ONCE) {
+      const part = files.slice(at, at + AT_ONCE);
+      const add = ["history", "add", ...part, `--db=${db.value}`, "--replace"];
+      if (!well(await carryOut(add, `${counted(part.length, "result")} into ${db.value}`))) return;
+    }
+    const to = (folder.value.trim() || proposed).replace(/\/+$/, "");
+    const report = [...form.command, `--db=${db.value}`, ...wordsOf(form.fields, typed.value), `--out=${to}`,
+      ...(of ? ["--", of] : [])];
+    if (!well(await carryOut(report, of ? `The page of ${of}` : "The pages of all arms"))) return;
+    page.value = `${to}/${of ? "arm" : "fleet"}.html`;
   };
   return html`
     <h3>Drift, and the next calibration</h3>
@@ -116,20 +111,14 @@ function Drift({ serial }) {
       due. ${files.length
         ? `${counted(files.length, "result")} of ${counted(arms.size, "arm")}, with serial number and date.`
         : "No result here has a run that states a serial number and a date."}</p>
-    <${Form} class="drift" onSubmit=${make}>
-      <div class="fields">
-        ${serial && html`<${Check} on=${all.value} onTurn=${into(all)}>All arms<//>`}
-        <${NumberField} label="TCP tolerance" unit="mm" value=${tolerance.value} least=${1e-6} digits=${6}
-          onValue=${into(tolerance)} />
-        <label><span class="label">As of</span>
-          <input type="date" value=${day.value} onInput=${heard(into(day))} /></label>
+    ${form && html`<${Form} class="drift" onSubmit=${make}>
+      ${serial && html`<${Check} on=${all.value} onTurn=${into(all)}>All arms<//>`}
+      <${Fields} fields=${form.fields} values=${typed.value} onValue=${typed.set}>
         <${TextField} label="Database" value=${db.value} onValue=${into(db)} />
         <${TextField} label="Folder of the pages" value=${folder.value} placeholder=${proposed}
-          onValue=${into(folder)} />
-      </div>
-      <p class="bar">
-        <${Submit} main=${false} disabled=${!files.length || busy}>Make the pages<//></p>
+          onValue=${into(folder)} /><//>
+      <p class="bar"><${Submit} main=${false} disabled=${!files.length || busy}>${form.label}<//></p>
       ${progress(page.value && html`
         <p><a class="button" href=${pageOf(page.value)} target="_blank" rel="noopener">Open the page</a></p>`)}
-    <//>`;
+    <//>`}`;
 }

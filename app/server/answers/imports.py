@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-from functools import cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,8 +11,6 @@ from ....experiments.arm_shown import JointLimits
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import joint_conventions
 from ....experiments.makers.contents import Contents
-from ....experiments.makers.known_logs import read_log
-from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
@@ -32,7 +28,6 @@ from ..index import yaml_path
 from ..requests import Content, Precondition, at_key, end_point, keyed, noted, wrong
 from ..versions import VersionOfFile, replacing, version_of, version_of_sum
 from . import contents_process
-from .forms import FormField, form_of
 from .robot_library import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
@@ -125,17 +120,6 @@ class ColumnsAnswer:
 
 
 @record(kw_only=True)
-class ImportForm:
-    """A format: `import NAME` reads it."""
-
-    name: Annotated[str, it("the words of the command behind `import`")]
-    about: str
-    maker: str
-    files: str
-    options: list[FormField]
-
-
-@record(kw_only=True)
 class HeaderUse:
     """A header that can be used."""
 
@@ -157,37 +141,6 @@ class ReadHeader(VersionOfFile):
     header: Content
     target: str
     notes: list[str]
-
-
-@end_point("GET /api/imports", "Formats of the imports, as the makers have them.")
-@cache
-def formats(_: Folder) -> list[ImportForm]:
-    """What the readers of all makers and the known logs read, those for robots of any maker first."""
-    ordered = sorted(makers(), key=lambda maker: maker.vendor is not None)
-    readers = [
-        ImportForm(
-            name=reader.name,
-            about=" ".join((inspect.getdoc(reader.read) or reader.name).split()),
-            maker=maker.name,
-            files=reader.files,
-            options=form_of(reader.read),
-        )
-        for maker in ordered
-        for reader in maker.read
-        if not reader.hidden
-    ]
-    logs = [
-        ImportForm(
-            name=f"log {log.name}",
-            about=f"{log.about}: a log over time, of which a measurement is where the arm dwells.",
-            maker=maker.name,
-            files="Logs as CSV files.",
-            options=form_of(read_log),
-        )
-        for maker in ordered
-        for log in maker.logs
-    ]
-    return [*readers, *logs]
 
 
 @end_point("POST /api/recording", "What a recording is, and what it holds.")

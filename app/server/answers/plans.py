@@ -18,7 +18,7 @@ from ....analysis.observability.check import Check, Violation, WithoutPosture, w
 from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
 from ....experiments.plans.obstacles import write_obstacles
-from ....experiments.rigs_offered import OfferedRun, offered_run
+from ....experiments.rigs_offered import offered_run
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
@@ -39,6 +39,7 @@ from ..index import yaml_path
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import VersionOfFile, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
+from .forms import RigForm, run_forms
 from .robot_library import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
@@ -58,7 +59,7 @@ class ReadPlan(VersionOfFile):
     plan: Annotated[Content, it("its content")]
     targets: Annotated[list[str], it("of its postures")]
     robot: DrawnArm
-    runs: Annotated[OfferedRun, it("what can carry it out")]
+    rigs: Annotated[list[RigForm], it("what can carry it out")]
     notes: list[str]
 
 
@@ -180,7 +181,7 @@ def plan_file(folder: Folder, file: str) -> ReadPlan:
         plan=document.data,
         targets=list(read.called),
         robot=arm_of(arm),
-        runs=offered_run(read, arm.vendor),
+        rigs=run_forms(offered_run(read, arm.vendor), arm.vendor),
         notes=[*notes, *read.warnings],
     )
 

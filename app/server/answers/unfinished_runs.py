@@ -9,8 +9,6 @@ from typing import Annotated
 import numpy as np
 
 from ....analysis.solution import Solution, so_far
-from ....experiments.makers.maker import makers
-from ....experiments.rigs.live.address import SCHEMES
 from ....model.errors import BadInput
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
@@ -188,30 +186,3 @@ def _resume(
             return None, "the cell file that it was begun with is not in this folder, or has changed"
         words.append(f"--cell={cell_file.path}")
     return [*words, *rig, plan], None
-
-
-@record(kw_only=True)
-class LiveForm:
-    """A protocol by which joints are read from a controller: `run --rig SCHEME://HOST[:PORT]`."""
-
-    scheme: str
-    vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")]
-    maker: str
-    port: Annotated[int, it("the usual one")]
-    options: Annotated[list[str], it("names of what may be stated behind ?")]
-
-
-@end_point("GET /api/live", "Protocols by which joints are read from controllers.")
-def live(_: Folder) -> list[LiveForm]:
-    """The protocols of all makers' controllers."""
-    names = {maker.vendor: maker.name for maker in makers()}
-    return [
-        LiveForm(
-            scheme=name,
-            vendor=scheme.vendor,
-            maker=names[scheme.vendor] if scheme.vendor is not None else "ROS, any maker",
-            port=scheme.port,
-            options=list(scheme.options),
-        )
-        for name, scheme in SCHEMES.items()
-    ]

@@ -23,7 +23,9 @@ _AXES = 6  # rax_1 to rax_6 of a robjoint
 def _moc(
     run: "Run",
     calibration: "RobotCalibration",
-    against: Annotated[Path | None, Option("The controller's MOC.cfg: write a diff against it.")] = None,
+    against: Annotated[
+        Path | None, Option("The controller's MOC.cfg: write a diff against it.", among="files")
+    ] = None,
     motor_sign: Annotated[
         str | None,
         Option(

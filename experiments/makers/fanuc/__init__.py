@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ....model.options import J3Origin, Option
+from ....model.options import JOINT_3, J3Origin, Option
 from ..maker import Maker, OffsetFile, PlanProgram, PointNames
 from ..manifest import ProgramName, ProgramTemplate, ToolName, read_taught, taught_reader
 from ..taught_format import TaughtFormat, TaughtPoint
@@ -24,7 +24,7 @@ def _sheet(
     calibration: "RobotCalibration",
     j3: Annotated[
         Literal["ground", "link"] | None,
-        Option("What the pendant counts joint 3 from, if not as the robot file states."),
+        Option("What the pendant counts joint 3 from, if not as the robot file states.", label=JOINT_3),
     ] = None,
     master_counts: Annotated[str | None, Option("Present master counts: C1,C2,…")] = None,
     pulses_per_degree: Annotated[
@@ -36,7 +36,10 @@ def _sheet(
     ] = None,
     backup: Annotated[
         Path | None,
-        Option("Folder of a fresh backup, or its SYSMAST.VA: counts, pulses, signs and coupling are read."),
+        Option(
+            "Folder of a fresh backup, or its SYSMAST.VA: counts, pulses, signs and coupling are read.",
+            among="files",
+        ),
     ] = None,
 ) -> str:
     """FANUC: a sheet for a person, the new master counts. Nothing is applied."""

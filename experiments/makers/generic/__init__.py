@@ -113,10 +113,14 @@ def _read_ros(
         Sequence[str] | None,
         Option("Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).", text=names_typed),
     ] = None,
-    topic: Annotated[str | None, Option("Topic of the arm, if there are several.")] = None,
+    topic: Annotated[str | None, Option("Topic of the arm, if there are several.", among="topics")] = None,
     marker_topic: Annotated[
         str | None,
-        Option("Only dwells at a message on this topic; a std_msgs/String names the target."),
+        Option(
+            "Only dwells at a message on this topic; a std_msgs/String names the target.",
+            label="Marker topic (trigger)",
+            among="other topics",
+        ),
     ] = None,
 ) -> "Imported":
     """Joint states: in ROS bags a measurement is where the arm dwells (at a marker, if stated).

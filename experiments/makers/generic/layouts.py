@@ -13,12 +13,19 @@ if TYPE_CHECKING:
     from ....model.arrays import Matrix
     from ....model.kinematics.robot import Robot
 
+_BY_NUMBER, _BY_TIME = ("--match=number",), ("--match=time",)
+_ANGLES = ("--rotation-columns",)
+_OF_JOINTS = "columns of the joints"
 _BOUNDS = {"still_deg": (1e-9, 360.0), "still_s": (1e-3, 1e6), "still_mm": (1e-9, 1e6)}
 
 
 def _names(help: str, flag: str | None = None) -> Option:
     """Names of columns or joints, separated by commas."""
     return Option(help, flag, text=names_typed)
+
+
+def _column(help: str, label: str) -> Option:
+    return Option(help, label=label, among="columns")
 
 
 def require_columns(flag: str, names: Sequence[str] | None, count: int) -> None:
@@ -101,7 +108,9 @@ class CsvLayout:
     """
 
     units: Annotated[Literal["deg", "rad", "pulse"], Option("Unit of the angles.")]
-    target_column: Annotated[str | None, Option("Column with each row's target, instead.")] = None
+    target_column: Annotated[
+        str | None, _column("Column with each row's target, instead.", "Target of each row")
+    ] = None
     lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None
     header_row: Annotated[bool, Option("The first row names the columns.")] = False
     columns: Annotated[
@@ -115,9 +124,13 @@ class CsvLayout:
     decimal: Decimal = "."
     j3: J3Origin = None
     spot_columns: Annotated[Sequence[str] | None, _names("Columns of spot_mm: dx,dy in mm.")] = None
-    shot_column: Annotated[str | None, Option("Column of the measurement numbers.")] = None
-    time_column: Annotated[str | None, Option("Column of times.")] = None
-    time_units: Annotated[Literal["s", "ms", "us", "ns"] | None, Option("Unit of the times.")] = None
+    shot_column: Annotated[
+        str | None, _column("Column of the measurement numbers.", "Measurement number")
+    ] = None
+    time_column: Annotated[str | None, Option("Column of times.", among="columns")] = None
+    time_units: Annotated[
+        Literal["s", "ms", "us", "ns"] | None, Option("Unit of the times.", needs=("--time-column",))
+    ] = None
     marker_column: MarkerColumn = None
     small_angles: Annotated[
         bool, Option("The angles are in degrees, although all are as small as radians would be.")
@@ -194,35 +207,65 @@ class PointLayout:
         str | None,
         Option("Reflector of all points, if there are several; or of each marker in a row: R1,R2,…"),
     ] = None
-    reflector_column: Annotated[str | None, Option("Column with each point's reflector, instead.")] = None
+    reflector_column: Annotated[
+        str | None, Option("Column with each point's reflector, instead.", among="columns")
+    ] = None
     joints: Annotated[
-        Path | None, Option("Table of the joints, if they are not in the same table as the points.")
+        Path | None,
+        Option(
+            "Table of the joints, if they are not in the same table as the points.",
+            label="Table of the joints",
+            among="tables",
+        ),
     ] = None
     match: Annotated[
-        Literal["number", "time"] | None, Option("What joins a point of FILE and a row of --joints.")
+        Literal["number", "time"] | None,
+        Option(
+            "What joins a point of FILE and a row of --joints.",
+            label="Points and joints belong together by",
+            needs=("--joints",),
+        ),
     ] = None
     number_column: Annotated[
-        str | None, Option("Column of the points' numbers, or names that end with them.")
+        str | None,
+        Option(
+            "Column of the points' numbers, or names that end with them.", among="columns", needs=_BY_NUMBER
+        ),
     ] = None
-    joints_number_column: Annotated[str | None, Option("The same of --joints; without both: row by row.")] = (
+    joints_number_column: Annotated[
+        str | None,
+        Option("The same of --joints; without both: row by row.", among=_OF_JOINTS, needs=_BY_NUMBER),
+    ] = None
+    time_column: Annotated[
+        str | None, Option("Column of the points' times.", among="columns", needs=_BY_TIME)
+    ] = None
+    time_units: Annotated[
+        str | None,
+        Option("Their unit: s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S.", needs=_BY_TIME),
+    ] = None
+    joints_time_column: Annotated[
+        str | None, Option("Column of times of --joints.", among=_OF_JOINTS, needs=_BY_TIME)
+    ] = None
+    joints_time_units: Annotated[str | None, Option("Their unit, if it is another one.", needs=_BY_TIME)] = (
         None
     )
-    time_column: Annotated[str | None, Option("Column of the points' times.")] = None
-    time_units: Annotated[
-        str | None, Option("Their unit: s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S.")
+    within_s: Annotated[
+        float | None,
+        Option("Largest time between a point and its joints, seconds.", label="Largest time", needs=_BY_TIME),
     ] = None
-    joints_time_column: Annotated[str | None, Option("Column of times of --joints.")] = None
-    joints_time_units: Annotated[str | None, Option("Their unit, if it is another one.")] = None
-    within_s: Annotated[float | None, Option("Largest time between a point and its joints, seconds.")] = None
     rotation_columns: Annotated[
         Sequence[str] | None, _names("Of poses: columns of three angles, a,b,c, in the order of --euler.")
     ] = None
-    rotation_units: Annotated[Literal["deg", "rad"] | None, Option("Unit of these angles.")] = None
+    rotation_units: Annotated[
+        Literal["deg", "rad"] | None, Option("Unit of these angles.", needs=_ANGLES)
+    ] = None
     euler: Annotated[
         str | None,
         Option(
             "Axes in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; find:"
-            " the order that fits the nominal arm; vector: a rotation vector, as of UR."
+            " the order that fits the nominal arm; vector: a rotation vector, as of UR.",
+            label="Axes of the angles",
+            needs=_ANGLES,
         ),
     ] = None
     quaternion_columns: Annotated[

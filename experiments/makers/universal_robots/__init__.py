@@ -46,7 +46,10 @@ def _calibration(
     calibration: "RobotCalibration",
     against: Annotated[
         Path | None,
-        Option("The arm's present calibration.yaml: its hash is kept, which ROS compares with the robot's."),
+        Option(
+            "The arm's present calibration.yaml: its hash is kept, which ROS compares with the robot's.",
+            among="files",
+        ),
     ] = None,
 ) -> str:
     """Universal Robots: a corrected calibration.yaml for ROS, of offsets, link lengths and angles."""
