@@ -177,6 +177,13 @@ class Weights(NamedTuple):
     def serve(self) -> bool:
         return self.pareto_k <= _LARGEST_K and self.share >= _LEAST_SHARE
 
+    @property
+    def acceptance(self) -> float:
+        """Of a chain that proposes such draws the share that it accepts: the mean over pairs of the smaller
+        weight."""
+        count = len(self.values)
+        return float(np.sort(self.values) @ np.arange(2 * count - 1, 0, -2)) / count**2
+
 
 def pareto_k(weights: Matrix) -> float:
     """The shape of the generalised Pareto distribution of the largest weights (N,); infinite where fewer than

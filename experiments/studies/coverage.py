@@ -5,8 +5,8 @@ fit, by the paper's midpoint fit with its sandwich covariance, and by its poster
 the truth in 95 % of the data sets, and the rank of the truth among the posterior's draws must be uniform
 (Talts et al. 2018). Two wrong estimators are carried along as negative controls.
 
-The fits are those of `analyse` (`fit_each`, the batch of `fit_likelihood`), and so are density, coordinates,
-moves and steps of the posterior (`drawn_together` says what is not).
+The fits are those of `analyse` (`fit_each`, the batch of `fit_likelihood`), and so are density, coordinates
+and proposal of the posterior (`drawn_together`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ import numpy as np
 from scipy import stats
 
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.posterior.many_posteriors import LEAST_STEPS, TOGETHER, drawn_together
-from ...analysis.posterior.sampler import ROUND
+from ...analysis.posterior.many_posteriors import PROPOSED, TOGETHER, drawn_together
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.header import Header
 from ...model.likelihood.density import Density
@@ -91,7 +90,7 @@ class RankCalibration(JudgedPart):
 @dataclass(frozen=True, kw_only=True)
 class CoveragePlan(PlanOfStudy):
     """One plan: `failed` counts truths drawn again because the arm cannot hit the target, `acceptance` is the
-    share of the posteriors' proposals that were accepted, `sbc` is simulation-based calibration."""
+    share of the posteriors' proposals that a chain accepts, `sbc` is simulation-based calibration."""
 
     data_sets: int
     acceptance: float
@@ -199,7 +198,8 @@ def coverage_study(data_sets: int, engine: Engine) -> CoverageStudy:
             draws=DRAWS,
             bins=BINS,
             chance=ALARM,
-            posterior=f"at least {ROUND + LEAST_STEPS} steps of emcee for each of {DRAWS} walkers",
+            posterior=f"{DRAWS} draws chosen by their weights among {PROPOSED * DRAWS} of the proposal; where"
+            " the weights do not serve, by emcee",
         ),
         plans=tuple(answers),
         notes=(
