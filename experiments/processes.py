@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from ..analysis.estimation.threads import one_thread
 from ..interruption import SIGNALS
-from ..model.likelihood.kernel import compiled_at_once
+from ..model.kernel import compiled_at_once
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")

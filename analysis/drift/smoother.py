@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 
 from ...model.arrays import Index, Matrix
+from ...model.c_source import LANES
 from ...model.errors import UnsoundResult
-from ...model.likelihood.c_source import LANES
-from ...model.likelihood.kernel import compiled_library
+from ...model.kernel import compiled_library
 
 _SOURCE = Path(__file__).parent / "smoother.c"
 _LANES = 8  # at most, of the machine's vectors

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.arrays import Index, Matrix
-from ...model.likelihood.c_source import GridInput, Offsets, columns
+from ...model.c_source import GridInput, Offsets, columns
+from ...model.kernel import compiled_library
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import compiled_library
 from .coordinates import FlangeCoordinates, flange_coordinates
 from .levenberg_marquardt import (
     DAMPING,

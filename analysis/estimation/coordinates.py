@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.arrays import Index, Matrix
-from ...model.likelihood.c_source import GridInput, per_both, per_inner
+from ...model.c_source import GridInput, per_both, per_inner
 from ...model.likelihood.density import Density, together
 
 

@@ -107,8 +107,8 @@ class _Posteriors:
             taken[k] = np.searchsorted(np.cumsum(weights.values) / count, marks)
             served[k], accepted[k] = weights.serve, weights.acceptance
         x = self._parameters(np.take_along_axis(w, taken[..., None], axis=1).reshape(-1, size))
-        for k in np.flatnonzero(~served & (accepted > 0)):
-            self._refit(k, w[k], Weights.of(log_weights[k]).values / count)
+        for poor in np.flatnonzero(~served & (accepted > 0)).tolist():
+            self._refit(poor, w[poor], Weights.of(log_weights[poor]).values / count)
         return x.reshape(sets, draws, -1), served, accepted
 
     def _refit(self, k: int, w: Matrix, shares: Matrix) -> None:
@@ -141,9 +141,9 @@ class _Posteriors:
 
     def _parameters(self, w: Matrix) -> Matrix:
         """x (W * …, p) of w."""
-        each = w.reshape(len(self._which), -1, self._density.size)
-        u = self._where[:, None] + each @ self._spread.transpose(0, 2, 1)
-        v = [whitening.coordinates(own) for whitening, own in zip(self._whitenings, u, strict=True)]
+        rows = w.reshape(len(self._which), -1, self._density.size)
+        u = self._where[:, None] + rows @ self._spread.transpose(0, 2, 1)
+        v = [whitening.coordinates(each) for whitening, each in zip(self._whitenings, u, strict=True)]
         return self._coordinates.to_parameters(np.concatenate(v), self._of(w))
 
     def _of(self, w: Matrix) -> Index:

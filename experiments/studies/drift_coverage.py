@@ -20,7 +20,7 @@ from ...analysis.repeatability.consistency import offsets_without_prior
 from ...model.arrays import Matrix
 from ...model.files.header import EXACT
 from ...model.files.run import read_run
-from ...model.likelihood.kernel import compiled_at_once
+from ...model.kernel import compiled_at_once
 from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ..demos import demo_runs

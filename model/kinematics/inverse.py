@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
@@ -64,19 +64,20 @@ def _errors(robot: Robot, poses: Matrix, joints: Matrix) -> tuple[Matrix, Matrix
     return np.hstack([shift, turn]), scaled
 
 
+@lru_cache(maxsize=32)
+def _sample(robot: Robot) -> tuple[Matrix, Matrix]:
+    """Joints within the limits, and the poses there."""
+    full = np.array([np.pi if joint.kind == "revolute" else np.inf for joint in robot.joints])
+    lower, upper = np.maximum(robot.lower, -full), np.minimum(robot.upper, full)
+    joints = np.random.default_rng(0).uniform(lower, upper, (_SAMPLE, robot.n))
+    return joints, robot.pose_and_jacobian(joints)[0]
+
+
 @dataclass(frozen=True)
 class Solver:
     """All the joints by which a robot reaches a pose, within its limits."""
 
     robot: Robot
-
-    @cached_property
-    def _sample(self) -> tuple[Matrix, Matrix]:
-        robot = self.robot
-        full = np.array([np.pi if joint.kind == "revolute" else np.inf for joint in robot.joints])
-        lower, upper = np.maximum(robot.lower, -full), np.minimum(robot.upper, full)
-        joints = np.random.default_rng(0).uniform(lower, upper, (_SAMPLE, robot.n))
-        return joints, robot.pose_and_jacobian(joints)[0]
 
     def solutions(self, pose: Matrix, *, thorough: bool = False) -> Matrix:
         """(M, n) rad or mm, one of each that differ by whole turns only (`with_turns` has all of these).
@@ -84,7 +85,7 @@ class Solver:
         Nearly surely all where they are isolated; near a singularity, or with more than six joints, some of
         the many. `thorough` starts from more places.
         """
-        sample, poses = self._sample
+        sample, poses = _sample(self.robot)
         shift = np.linalg.norm(poses[:, :3, 3] - pose[:3, 3], axis=1) / _LENGTH
         turn = np.linalg.norm(poses[:, :3, :3] - pose[:3, :3], axis=(1, 2))
         near = np.argsort(shift + turn)[: _MANY if thorough else _FEW]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Literal
 
 import casadi as ca
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import ByValue, Matrix
 from ..errors import BadInput
+from ..kernel import Kernel
 from .transforms import rotations, shift
 
 JointKind = Literal["revolute", "prismatic"]
@@ -252,19 +253,10 @@ class Robot(ByValue):
         batch, rows = joints.shape[:-1], joints.reshape(-1, self.n)
         pose, jacobian = np.zeros((len(rows), 4, 4)), np.zeros((len(rows), 6, self.n))
         if len(rows):
-            # A matrix of columns in gives matrices side by side out.
-            upper, motion = self._both.map(len(rows))(rows.T)
-            pose[:, :3] = upper.full().reshape(3, -1, 4).transpose(1, 0, 2)
-            jacobian[:] = motion.full().reshape(6, -1, self.n).transpose(1, 0, 2)
+            pose[:, :3], columns = _motion(self)(rows)
+            jacobian[:] = columns.reshape(jacobian.shape)
         pose[:, 3, 3] = 1.0
         return pose.reshape(*batch, 4, 4), jacobian.reshape(*batch, 6, self.n)
-
-    @cached_property
-    def _both(self) -> ca.Function:
-        theta = ca.SX.sym("theta", self.n)
-        rotation, translation, jacobian = self.flange_motion(self.turns(theta))
-        outputs = [ca.densify(ca.horzcat(rotation, translation)), ca.densify(jacobian)]
-        return ca.Function("pose", [theta], ca.cse(outputs), ["theta"], ["pose", "jacobian"])
 
     def flange_motion(self, turns: Sequence[Turn]) -> tuple[ca.SX, ca.SX, ca.SX]:
         """R (3, 3) and t (3, 1) mm of the flange in the base frame, and the (6, n) columns by which the
@@ -383,6 +375,20 @@ class Robot(ByValue):
             links.append(ca.horzcat(rotation, translation))
         translation = translation + rotation @ self.flange[:3, 3]
         return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes, links
+
+
+@lru_cache(maxsize=64)
+def _motion(robot: Robot) -> Kernel:
+    """Joints (n,) to the upper rows (3, 4) of the flange's pose and its Jacobian (6, n).
+
+    By the virtual machine alone: that the numbers are always the same to the last bit is worth the time.
+    """
+    theta = ca.SX.sym("theta", robot.n)
+    rotation, translation, jacobian = robot.flange_motion(robot.turns(theta))
+    outputs = [ca.densify(ca.horzcat(rotation, translation)), ca.densify(jacobian)]
+    return Kernel(
+        ca.Function("pose", [theta], ca.cse(outputs), ["theta"], ["pose", "jacobian"]), compile=False
+    )
 
 
 def same_arm(one: Robot, other: Robot) -> bool:

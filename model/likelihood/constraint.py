@@ -26,9 +26,9 @@ import numpy as np
 
 from ..instruments.flange_tool import FlangeTool
 from ..instruments.kind import Flange, Instrument
+from ..kernel import Kernel
 from ..kinematics.robot import Robot, Turn
 from .geometry import NOMINAL, Geometry
-from .kernel import Kernel
 
 
 class Posture:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Index, Matrix
-from .c_source import GridInput, Offsets, columns, constant, per_both, per_inner, per_outer
+from ..c_source import GridInput, Offsets, columns, constant, per_both, per_inner, per_outer
 from .problem import Problem
 
 

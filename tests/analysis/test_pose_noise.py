@@ -57,6 +57,7 @@ def with_one_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PoseStation, "reading", relative)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("scale", ["separate", "estimated"])
 @pytest.mark.parametrize("times", [1 / 3, pytest.param(3.0, marks=pytest.mark.long)])
 def test_the_factor_of_the_rotation_is_found(times: float, scale: str) -> None:

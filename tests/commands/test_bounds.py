@@ -15,7 +15,7 @@ from small_results import small_result
 import zerobeam as zb
 from zerobeam.analysis.repeatability.repeats import read_result
 from zerobeam.commands import program
-from zerobeam.model.likelihood.kernel import KernelWarning
+from zerobeam.model.kernel import KernelWarning
 
 RUN = demo_runs()[0].path
 

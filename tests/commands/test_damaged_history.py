@@ -114,6 +114,7 @@ RESULTS = [
 ]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("column", "value"), RESULTS, ids=lambda own: str(own)[:40])
 @pytest.mark.one_in(3)
 def test_a_damaged_result_is_named_and_the_others_are_listed(plant: Path, column: str, value: object) -> None:

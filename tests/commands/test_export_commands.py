@@ -19,7 +19,7 @@ from zerobeam.experiments.makers.generic.robot_rows import robot_text
 from zerobeam.experiments.makers.generic.urdf_export import urdf_text
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
-from zerobeam.model.likelihood.kernel import compiled_at_once
+from zerobeam.model.kernel import compiled_at_once
 from zerobeam.model.records import to_json
 
 TEXTS: dict[str, Callable[[Run, RobotCalibration], str]] = {

@@ -152,6 +152,7 @@ def verified(folder: Path, name: str, *how: object) -> Answer:
     return zerobeam("verify", folder / "run.jsonl", new, "--json")
 
 
+@pytest.mark.long
 @pytest.mark.at_length(r"^probe")
 @pytest.mark.parametrize("tool", ["laser", "probe"])
 def test_a_second_run_of_the_arm_as_it_was_is_predicted_and_of_another_arm_is_not(

@@ -124,6 +124,7 @@ def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
     assert len(set(killed_with)) >= 4
 
 
+@pytest.mark.long
 @posix
 @pytest.mark.parametrize(
     ("before", "numbers"),

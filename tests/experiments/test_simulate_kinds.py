@@ -96,6 +96,7 @@ def test_a_frame_stands_somewhere_and_is_level(tmp_path):
     assert np.linalg.norm(frames[:, :3].std(axis=0)) < 400
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["tracker", "tracker + plane + ballbar"])
 @pytest.mark.at_length(r"^(?!tracker$)")
 def test_a_plan_is_rehearsed_from_the_file_to_the_file(name, tmp_path):

@@ -72,6 +72,7 @@ def made_of(urdf: Path, vendor: str = "other") -> Path:
     return path
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("slide", [None, 3])
 @pytest.mark.parametrize("name", ARMS)
 def test_the_rows_are_the_arm_of_the_chain(tmp_path: Path, name: str, slide: int | None) -> None:

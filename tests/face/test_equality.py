@@ -72,6 +72,7 @@ def test_another_number_makes_another_thing(run: zb.Run, solution: zb.Analysed) 
     assert solution.profile("J2", size=5) != solution.profile("J3", size=5)
 
 
+@pytest.mark.long
 def test_a_solution_is_equal_if_run_options_and_versions_are(run: zb.Run, solution: zb.Analysed) -> None:
     assert zb.analyse(run, ess=100) == solution
     other = zb.analyse(run, ess=100, seed=1, robust="huber")

@@ -126,6 +126,7 @@ def test_a_bad_argument_of_an_optimal_plan_is_named(changes, argument) -> None:
     assert caught.value.argument == argument
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("offsets", "argument"),
     [

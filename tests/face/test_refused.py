@@ -108,6 +108,7 @@ def test_it_is_refused_by_name(good: zb.Analysed, plan: zb.Plan, name: str) -> N
     assert caught.value.argument == argument
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("drop", [np.array([3]), pd.Index([3]), (3,), {3}])
 def test_what_holds_numbers_is_as_good_as_a_list(good: zb.Analysed, drop: object) -> None:
     assert list(good.refit(drop=drop, ess=100).data.index) == [0, 1, 2, 4, 5, 6]

@@ -35,6 +35,7 @@ def best() -> zb.OptimalPlan:
     return zb.optimal_plan(HEADER, (900, 0, 0), candidates=300)
 
 
+@pytest.mark.long
 def test_parts_of_an_answer_have_one_line(good: zb.Analysed, best: zb.OptimalPlan) -> None:
     assert [name for name in dir(good.plot) if name[0] != "_"] == [
         "offsets",

@@ -198,6 +198,7 @@ def require_named(kind: str, cause: str, *, exact: bool) -> None:
     assert not {one.cause for one in explained(kind, arm.joints, arm.measured, exact=exact)} & SPOILED.keys()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "cause"), [("ballbar", "metres"), ("tracker, frame known", "mirrored")])
 @pytest.mark.at_length(r"^tracker, frame known-mirrored$")
 def test_readings_that_are_wrong_alike_are_named(kind: str, cause: str) -> None:
@@ -229,6 +230,7 @@ def test_a_joint_with_the_wrong_sign_is_no_fault_of_the_readings() -> None:
     assert (best.cause, best.joints) == ("sign", (4,))
 
 
+@pytest.mark.long
 def test_poses_as_other_programs_write_them_are_named() -> None:
     require_named("pose", "quaternion", exact=True)
 

@@ -272,6 +272,7 @@ def test_every_block_is_of_a_kind_that_is_tested() -> None:
                 assert len(block.text.splitlines()[0]) > len(NOT_RUN), (name, "says no reason")
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", PAGES)
 def test_every_file_of_a_page_is_valid(name: str, place: Callable[[str], Path]) -> None:
     if not any(block.title or block.language in ("yaml", "json") for block in blocks(read(name))):

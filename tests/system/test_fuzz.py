@@ -16,12 +16,13 @@ from pathlib import Path
 import pytest
 from fuzzing import WHOLE, Damaged, Files, damaged, draw, judged, whole_files
 
-from zerobeam.model.likelihood import constraint, kernel
+from zerobeam.model import kernel
+from zerobeam.model.likelihood import constraint
 
 # As for a person: libraries' warnings are no errors. And without a compiler, since each damaged arm would be
 # compiled for a few evaluations.
 pytestmark = [
-    pytest.mark.filterwarnings("default", "ignore::zerobeam.model.likelihood.kernel.KernelWarning"),
+    pytest.mark.filterwarnings("default", "ignore::zerobeam.model.kernel.KernelWarning"),
 ]
 QUICK = [one for one in WHOLE if one.quick]
 LONG, PARTS = 5_200, 26

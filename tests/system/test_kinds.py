@@ -135,6 +135,7 @@ CASES = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.at_length(r"^(?!mix$|one reflector$)")
 def test_what_is_determined_is_right_and_the_rest_is_not_told(case: str, tmp_path: Path) -> None:

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from command_line import zerobeam
 
-from zerobeam.model.likelihood import constraint, kernel
+from zerobeam.model import kernel
+from zerobeam.model.likelihood import constraint
 
-pytestmark = pytest.mark.filterwarnings("ignore::zerobeam.model.likelihood.kernel.KernelWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::zerobeam.model.kernel.KernelWarning")
 ROBOT = """schema: zerobeam/robot/1
 name: one
 convention: standard

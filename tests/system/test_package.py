@@ -79,6 +79,7 @@ def wheel(place: Path) -> Path:
     return build(place / "tree", place / "wheels")
 
 
+@pytest.mark.long
 def test_every_file_of_the_rooms_is_in_the_wheel(wheel: Path) -> None:
     assert expected(ROOT) - contents(wheel) == set()
 

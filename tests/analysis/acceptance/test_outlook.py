@@ -52,6 +52,7 @@ def test_the_predicted_power_is_that_of_the_solved_run() -> None:
     assert lacking_test(problem, solution.fit.x, {"deg": 1.0, "mm": 1.0}) is None
 
 
+@pytest.mark.long
 def test_too_few_measurements_are_named_with_the_number_that_is_enough() -> None:
     few = made(8)
     lacking = few.untested

@@ -14,6 +14,7 @@ from exact_runs import demo_runs
 from zerobeam.model.kinematics.plausible import DoubtfulRobot
 
 
+@pytest.mark.long
 @pytest.mark.at_length(r"pass")
 @pytest.mark.parametrize(("alpha_deg", "verdict"), [(-90.0, "pass"), (-math.degrees(1.57), "weak")])
 def test_no_run_of_rounded_angles_passes(alpha_deg: float, verdict: str, tmp_path: Path) -> None:

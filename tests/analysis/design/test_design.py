@@ -363,6 +363,7 @@ def test_one_shot_has_no_pair():
     assert value == pytest.approx(value_of(candidates, [3], "E"))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("shots", [7, 12, 16, 20, 30, 40])
 def test_e_ends_with_a_bound_for_any_number_of_measurements(shots, monkeypatch):
     """Of 20 and more it never ended: the 12 most promising candidates joined again and again."""

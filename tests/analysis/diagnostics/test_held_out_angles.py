@@ -20,6 +20,7 @@ def held_out(true_deg: float):
     return analyse(fitted, held_out=other, sampling="never").result
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("true_deg", [0.03, 0.3])
 def test_rotations_are_compared_with_rotations(true_deg):
     result = held_out(true_deg)

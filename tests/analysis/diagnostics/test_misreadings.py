@@ -53,6 +53,7 @@ def test_the_joint_and_the_digit_are_named() -> None:
     assert "57.53 mistyped as 51.53?" in mend(found)
 
 
+@pytest.mark.long
 def test_the_joint_is_named_where_the_others_scatter_more_than_stated_too() -> None:
     """No value explains more than leaving the measurement out; it is as uncertain as the scatter makes it."""
     run = mistyped(3, 57.53, 51.53, count=30)
@@ -123,6 +124,7 @@ def test_what_no_one_value_explains_has_no_joint() -> None:
     assert "If one joint value" not in mend(found)
 
 
+@pytest.mark.long
 def test_a_joint_without_effect_is_not_named() -> None:
     """A reflector on the axis of joint 6: no value of that joint explains anything."""
     own = pose_header(

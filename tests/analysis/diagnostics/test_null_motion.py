@@ -86,6 +86,7 @@ def test_of_the_x_pattern_it_is_a_rotation_about_axis_2_with_the_target() -> Non
         np.testing.assert_allclose(x, expected, atol=1e-9)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", PLANS)
 def test_readings_stay_what_they_are_by_plain_numpy(name: str, tmp_path: Path) -> None:
     plan = PLANS[name]()

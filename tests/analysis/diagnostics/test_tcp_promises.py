@@ -136,6 +136,7 @@ def held(shots: int, count: int, folder: Path, seed: int, *, floor: bool = False
     return counts
 
 
+@pytest.mark.long
 def test_the_band_of_the_median_holds_in_each_region(tmp_path: Path) -> None:
     counts = held(12, 6, tmp_path, seed=3)
     of = counts.pop(("all", "of"))

@@ -9,9 +9,9 @@ import pytest
 
 from zerobeam.analysis.drift import smoother
 from zerobeam.analysis.drift.smoother import Filtered, Observation, Series, series_of, smooth
+from zerobeam.model import kernel
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import UnsoundResult
-from zerobeam.model.likelihood import kernel
 
 NAMES = ("delta2", "delta3", "delta4")
 UNITS = dict.fromkeys(NAMES, "deg")

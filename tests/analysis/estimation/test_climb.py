@@ -9,7 +9,7 @@ from zerobeam.analysis.estimation.climb import Climb, compiled_climb
 from zerobeam.analysis.estimation.coordinates import flange_coordinates
 from zerobeam.analysis.estimation.fit import start_at
 from zerobeam.analysis.estimation.levenberg_marquardt import NOT_FINITE
-from zerobeam.model.likelihood import kernel
+from zerobeam.model import kernel
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
 
@@ -34,6 +34,7 @@ def climbs(problem, sets, rows=5, seed=1):
     return one, two, start_at(problem, z, density.joints[of])
 
 
+@pytest.mark.one_in(3)
 @needs_compiler
 @pytest.mark.parametrize("case", PLAIN)
 @pytest.mark.parametrize("sets", [1, 4])

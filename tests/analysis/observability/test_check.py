@@ -8,8 +8,9 @@ from cells import AXIS_LASER, TABLE_2, good_plan, header, pattern_plan, plan_of,
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.observability.aim import aim, aim_plan, servo_joints
 from zerobeam.analysis.observability.check import Check, check
+from zerobeam.model import kernel
 from zerobeam.model.files.header import StatedGeometry
-from zerobeam.model.likelihood import constraint, kernel
+from zerobeam.model.likelihood import constraint
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.message import headline
 from zerobeam.words.observability import reason

@@ -89,6 +89,7 @@ def test_no_gauge_of_any_kind_is_called_known_at_length(mix: Mix) -> None:
     assume(compare(mix))
 
 
+@pytest.mark.long
 def test_a_gauge_that_is_overlooked_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Negative control: each verdict that calls a gauge known, and one that knows nothing."""
 

@@ -58,6 +58,7 @@ def same_gauges(kind: str, still: tuple[int, ...], free: bool) -> None:
         assert within[2] >= nominal[1], deviating
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("kind", "still", "free"), QUICK)
 def test_a_gauge_of_the_nominal_arm_stays_one_within_tolerances(
     kind: str, still: tuple[int, ...], free: bool

@@ -66,6 +66,7 @@ def test_a_rehearsal_has_the_u_that_is_predicted_at_its_truth(seed: int) -> None
     assert found == pytest.approx({name: items[name] for name in OFFSETS}, rel=0.1)
 
 
+@pytest.mark.long
 def test_it_is_said_and_a_stated_reflector_is_taken_at_its_word() -> None:
     plan = read_plan(PLAN)
     guessed = check(plan)

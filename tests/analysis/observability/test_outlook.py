@@ -155,6 +155,7 @@ def test_more_measurements_are_better_and_links_are_the_floor() -> None:
     assert twenty.tcp_median_mm == pytest.approx(twelve.tcp_median_mm, rel=0.1)
 
 
+@pytest.mark.long
 def test_better_postures_are_about_as_good_as_those_of_the_command() -> None:
     """Of 2000 candidates; the command has 10,000 (the long test)."""
     (better,) = rows(outlook_of(typical()), "postures")
@@ -225,6 +226,7 @@ def test_no_next_posture_is_said_where_no_error_is_known() -> None:
     assert outlook_of(typical()).next_postures == ()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("required", "reachable"), [(0.1, False), (4.0, True), (None, None)])
 def test_what_is_required_is_within_reach_or_not(required: float | None, reachable: bool | None) -> None:
     changes = {} if required is None else {"required": {"tcp_mm": required}}

@@ -154,6 +154,7 @@ def test_a_hundred_arms_come_to_what_was_predicted(remedy: str) -> None:
     assert 0.85 < of["95 %"] < 1.15
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("remedy", ["more 12"])
 def test_some_arms_come_to_about_what_was_predicted(remedy: str) -> None:
     of = ratios(remedy, 8, 1500)

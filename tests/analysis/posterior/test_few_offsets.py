@@ -29,6 +29,7 @@ def require_degenerate_and_unsampled(run):
     )
 
 
+@pytest.mark.long
 def test_most_offsets_unidentifiable_ends_without_draws():
     require_degenerate_and_unsampled(pose_run(postures(12, PLANAR), {"delta3": 0.5}))
 

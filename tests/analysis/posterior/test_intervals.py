@@ -26,7 +26,7 @@ from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.analysis.posterior.profiles import profile_intervals
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.model.likelihood.kernel import compiled_at_once
+from zerobeam.model.kernel import compiled_at_once
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.finding_words import notes
 from zerobeam.words.sentences import to_json

@@ -104,6 +104,7 @@ def test_the_same_run_on_the_exported_robot_has_nothing_left(
     assert compared >= 5
 
 
+@pytest.mark.long
 def test_a_urdf_takes_links_into_its_origins(tmp_path: Path) -> None:
     ref = {"urdf": urdf_file(tmp_path).name, "base": "base", "tip": "tool"}
     run = geometry_run(tmp_path, ref, {"link2.a": 0.3, "link3.alpha": 0.08})

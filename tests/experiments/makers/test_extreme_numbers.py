@@ -20,10 +20,10 @@ from recorded_logs import (
 )
 
 from zerobeam.experiments.makers.contents import contents_of
+from zerobeam.model import kernel
 from zerobeam.model.errors import BadInput
-from zerobeam.model.likelihood import kernel
 
-pytestmark = pytest.mark.filterwarnings("default", "ignore::zerobeam.model.likelihood.kernel.KernelWarning")
+pytestmark = pytest.mark.filterwarnings("default", "ignore::zerobeam.model.kernel.KernelWarning")
 
 EXTREME = ("1e400", "-1E+400", "9" * 400, "1" * 5000, "1e308", "1e200", "9" * 30, "1e99999999999")
 ROWS = POSTURES.tolist()

@@ -49,6 +49,7 @@ def imports(maker: Maker, program: PlanProgram, file: Path, job: ImportJob) -> l
     return [reader.read(job) for reader in readers]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("maker", "program"), PROGRAMS, ids=[program.name for _, program in PROGRAMS])
 def test_a_plans_program_is_refused_by_its_own_import(
     maker: Maker, program: PlanProgram, tmp_path: Path

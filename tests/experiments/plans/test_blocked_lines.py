@@ -89,6 +89,7 @@ def nearest(turned: AimedPlan, radius: float) -> list[float]:
     return result
 
 
+@pytest.mark.long
 def test_a_beam_through_a_link_is_a_violation_with_its_distance(tmp_path: Path) -> None:
     """The case of a new calibration by all defaults: `check` passed it."""
     turned = aim_plan(read_plan(edited(tmp_path)))
@@ -140,6 +141,7 @@ def test_the_radius_of_the_robot_file_decides(radius: float, blocked: set[int], 
     assert {each.posture for each in violations(aim_plan(read_plan(path)))} == {3, 18}
 
 
+@pytest.mark.long
 def test_without_constraints_it_is_judged_too_and_refused_for_a_real_arm(tmp_path: Path) -> None:
     path = edited(tmp_path, lambda content: content.pop("constraints"))
     plan = read_plan(path)
@@ -236,6 +238,7 @@ def plan_is_free(request: PlanRequest) -> None:
     assert min(nearest(turned, radius)) > 0.99 * radius
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arm", ["irb1600", "lrmate_200id"])
 @pytest.mark.one_in(2)
 def test_few_measurements_of_a_new_calibration_have_free_beams(arm: str) -> None:
@@ -264,6 +267,7 @@ def test_an_uncalibrated_laser_is_judged_by_its_nominal_beam() -> None:
     assert min(nearest(aim_plan(plan_of(header(target=target), pool.postures)), 68.25)) > 68
 
 
+@pytest.mark.long
 def test_what_to_do_about_blocked_postures_has_a_command_that_works(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -281,6 +285,7 @@ def test_what_to_do_about_blocked_postures_has_a_command_that_works(
     assert violations(aim_plan(read_plan(tmp_path / "new-plan.yaml"))) == ()
 
 
+@pytest.mark.long
 def test_a_verification_has_no_posture_that_the_arm_blocks(tmp_path: Path) -> None:
     """A rehearsal measures at blocked postures too; a plan that moves a robot takes none of them again."""
     run = tmp_path / "run.jsonl"
@@ -295,6 +300,7 @@ def test_a_verification_has_no_posture_that_the_arm_blocks(tmp_path: Path) -> No
     assert not {*plan.rows} & set(BLOCKED)
 
 
+@pytest.mark.long
 def test_of_several_instruments_each_has_its_own_line(tmp_path: Path) -> None:
     """A laser and a tracker at the same postures: where the arm blocks the beam alone the tracker sees on."""
     leica = {"kind": "tracker", "guess_mm": [3000, 500, 800], "reflectors": {"R1": {"guess_mm": [60, 0, 80]}}}

@@ -72,6 +72,7 @@ def made(own: Header, **changes: object) -> Plan:
     return plan
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", INSTRUMENTS)
 @pytest.mark.at_length(r"^(?!plane$)")
 def test_a_plan_keeps_to_what_its_instrument_can_measure(kind):
@@ -264,6 +265,7 @@ def test_seven_psd_measurements_and_four_tracker_points(tmp_path):
     assert checked["delta2"] < alone["delta2"]
 
 
+@pytest.mark.long
 def test_a_mix_is_the_best_of_so_many_of_each():
     """Of few candidates all choices are compared, by the information of their Jacobians."""
     own, robot = header_of("tracker", tool=True), load_robot("irb1600", Path("."))

@@ -54,6 +54,7 @@ def made(file: Path | None = None, **changes: Any) -> Plan:
     return plan
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("kind", ["x", "optimal"])
 def test_a_plan_ends_with_its_first_postures_again(kind: str, tmp_path: Path) -> None:
     plan = made(tmp_path / "plan.yaml", kind=kind, repeat=2)
@@ -68,6 +69,7 @@ def test_a_plan_ends_with_its_first_postures_again(kind: str, tmp_path: Path) ->
     assert len(made(kind=kind, repeat=0).shots) == 7
 
 
+@pytest.mark.long
 def test_a_table_and_trajectories_name_repeats_and_are_read_back(tmp_path: Path) -> None:
     plan = made(tmp_path / "plan.yaml", repeat=2)
     text = program_texts("csv", plan, ProgramMotion(), tmp_path / "plan.csv")[tmp_path / "plan.csv"]
@@ -144,6 +146,7 @@ def test_a_run_carries_the_repeats_out_and_knows_them(tmp_path: Path) -> None:
     assert [shot.get("again") for shot in shots] == [None] * 7 + [0, 1]
 
 
+@pytest.mark.long
 def test_an_adaptive_run_ends_with_what_it_measured_first(tmp_path: Path) -> None:
     made(tmp_path / "plan.yaml", shots=10, repeat=2)
     ended = zerobeam(
@@ -174,6 +177,7 @@ def test_what_was_measured_again_is_measured_once_more(tmp_path: Path) -> None:
     assert "--once-more goes on with a run" in zerobeam(*run[:-1], tmp_path / "b", "--once-more").err
 
 
+@pytest.mark.long
 def test_the_remedy_for_repeats_that_differ_is_that_command() -> None:
     rng = np.random.default_rng(3)
     plan = typical(repeat=2)

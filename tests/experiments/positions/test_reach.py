@@ -94,6 +94,7 @@ def with_poses(language: str, seed: int) -> MadeBackup:
     return backup if not all(one.in_joints for one in backup.positions) else with_poses(language, seed + 100)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.at_length(r"-(?:[3-9]|1\d)$")
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("language", DIALECTS)
@@ -154,6 +155,7 @@ GOOD = [10.0, 20.0, 15.0, 30.0, 40.0, 50.0]
 FAR_OFF = (0.2, 0.05)  # mm, deg: twenty times what is allowed, and more
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_with_usual_noise_it_is_off_by_what_the_estimate_leaves(seed: int, tmp_path: Path) -> None:
     run = measured(tmp_path / "run", RAPID.robot, seed=seed, noise=USUAL)
@@ -215,6 +217,7 @@ class LargeRapid(type(RAPID)):  # type: ignore[misc]
     robot = "irb1600"
 
 
+@pytest.mark.long
 def test_links_are_made_up_for_too(tmp_path: Path) -> None:
     run = geometry_run(tmp_path)
     backup = single(GOOD, LargeRapid())

@@ -14,7 +14,7 @@ from zerobeam.experiments.converted_programs import shown_programs
 from zerobeam.experiments.positions.conversion import Conversion, PositionRow
 from zerobeam.model.errors import BadInput
 
-COUNTS = pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.long)])
+COUNTS = pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.long)])
 
 
 def shown(folder: Path, **files: str) -> Conversion:

@@ -293,6 +293,7 @@ def test_another_makers_backup_is_refused(tmp_path: Path) -> None:
         kept(written(KRL.made(1), tmp_path), "irb120")
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("language", DIALECTS)
 def test_nothing_is_written_in_part(language: str, tmp_path: Path) -> None:
     backup: MadeBackup = DIALECTS[language].made(7)

@@ -103,6 +103,7 @@ def test_the_offsets_come_out_through_pictures_psd_and_encoders(tmp_path: Path) 
     assert done.state.consistent
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arms", [2, pytest.param(6, marks=pytest.mark.long)])
 def test_a_rehearsal_has_the_residuals_of_a_typical_arm(tmp_path: Path, arms: int) -> None:
     """Of all arms chi-squared is that of the degrees of freedom, and with nominal geometry it is a misfit."""

@@ -75,6 +75,7 @@ def test_what_a_setup_does_not_determine_has_no_number(answer: instrument_choice
     assert answer.headline.startswith("With 20 measurements tracker leaves")
 
 
+@pytest.mark.long
 def test_page_figure_and_table_show_all(answer: instrument_choice.InstrumentsStudy) -> None:
     (picture,) = INSTRUMENTS.pictures(answer).values()
     assert "bar on the axis (not determined)" in picture.alt

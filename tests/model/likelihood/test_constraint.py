@@ -17,9 +17,9 @@ from plain_model import (
     unit,
 )
 
+from zerobeam.model import kernel
 from zerobeam.model.instruments.registry import kind_of
 from zerobeam.model.kinematics.robot import Joint, Robot
-from zerobeam.model.likelihood import kernel
 from zerobeam.model.likelihood.constraint import ShotFunctions
 
 # Per arm a beam along an axis of the flange or askew to it, forwards or backwards.

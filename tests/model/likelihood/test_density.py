@@ -6,8 +6,9 @@ from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, TOOLS, Made, h
 from plain_model import DESIGNED, arm, by_complex_steps
 from scipy import integrate, stats
 
+from zerobeam.model import kernel
 from zerobeam.model.kinematics.robot import Robot
-from zerobeam.model.likelihood import constraint, kernel
+from zerobeam.model.likelihood import constraint
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
 

@@ -150,6 +150,7 @@ def test_a_run_is_kept_as_soon_as_it_is_solved(runs, monkeypatch):
     assert names == ["pattern"]
 
 
+@pytest.mark.long
 def test_a_report_stays_where_the_same_result_is_asked_for_without(runs, monkeypatch):
     solved = []
     count_solved(monkeypatch, solved)
@@ -233,6 +234,7 @@ def test_the_command(runs):
     assert good.json["settings"]["sampling"] == "where needed"
 
 
+@pytest.mark.long
 def test_a_row_says_what_page_one_of_its_run_says(tmp_path):
     """Of a pass by which nothing is to be entered why; of a simulated run that it is one."""
     target = (500.0, 100.0, 200.0)

@@ -32,6 +32,7 @@ def text_of_example(name: str) -> str:
     return text_of(of_example(name))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name != "hostile"])
 @pytest.mark.at_length(r"^(?!geometry$)")
 def test_every_cell_of_the_page_is_in_the_pdf(name: str) -> None:

@@ -281,6 +281,7 @@ def test_more_axes_than_a_map_has_are_a_panel_each_and_cases_stand_beside() -> N
     assert {row["axis1_target.xyz_mm.z"] for row in listed[-3:]} == {None}
 
 
+@pytest.mark.long
 def test_an_offset_that_is_not_determined_is_counted_above_the_figure() -> None:
     study = geometry_sweep()
     cases = tuple(
@@ -298,6 +299,7 @@ def test_an_offset_that_is_not_determined_is_counted_above_the_figure() -> None:
     assert f"{numbers.spread(middle, 'deg')} at 900" in picture.alt.replace("\u00a0", " ")
 
 
+@pytest.mark.long
 def test_a_study_of_words_alone_is_along_the_longest_axis() -> None:
     study = patterns_sweep()
     axes = tuple(replace(study.axes[0], values=tuple(values)) for values in ("xyz", "abcde"))

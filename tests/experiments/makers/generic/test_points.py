@@ -215,6 +215,7 @@ joints:
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("series", "count"), [("joint_configurations", 1495), ("grid_every_eighth", 1489)])
 @pytest.mark.one_in(2)
 def test_poses_of_a_tracker_at_a_ur10(series, count, shared_data, tmp_path):

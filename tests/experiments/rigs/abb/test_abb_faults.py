@@ -413,6 +413,7 @@ def row(case: Case, ran: Ran) -> str:
     return f"| {' | '.join((case.what, ran.outcome, said, shots, again))} |\n"
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.what)
 @pytest.mark.one_in(6)
 def test_a_fault_and_what_is_left_of_the_run(case: Case, tmp_path: Path) -> None:

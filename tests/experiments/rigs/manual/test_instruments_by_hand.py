@@ -106,6 +106,7 @@ def doubts(events: list[RunEvent]) -> list[str]:
     return [event.kind for event in events if isinstance(event, Doubted)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.at_length(r"^tracker")
 def test_what_is_typed_is_recorded(tmp_path: Path, kind: str) -> None:
@@ -134,6 +135,7 @@ def test_what_is_typed_is_recorded(tmp_path: Path, kind: str) -> None:
     assert all(read.words != read.key for read in reads)
 
 
+@pytest.mark.long
 def test_metres_are_questioned_and_taken_as_such(tmp_path: Path) -> None:
     plan = planned("tracker")
     first, second, third = measured(plan)
@@ -144,6 +146,7 @@ def test_metres_are_questioned_and_taken_as_such(tmp_path: Path) -> None:
         assert shot.readings["measured_mm"] == pytest.approx(other.readings["measured_mm"], abs=1e-9)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("stop", [RigFault("the tracker is lost"), KeyboardInterrupt()])
 def test_a_run_by_hand_that_breaks_off_says_so_and_keeps_what_is_recorded(
     tmp_path: Path, stop: BaseException

@@ -95,6 +95,7 @@ def test_the_estimates_scatter_as_check_foresees(twelve: GeometryStudy) -> None:
     assert not any(scatters_as_checked(estimators["nominal"], ARMS, 0.1))
 
 
+@pytest.mark.long
 def test_the_structure() -> None:
     answer = to_json(study_of(FEW_ARMS, TWELVE))
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Matrix
+from .arrays import Matrix
 
 _BINARY = {
     ca.OP_ADD: "{0} + {1}",

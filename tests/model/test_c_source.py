@@ -3,9 +3,8 @@ import numpy as np
 import pytest
 from plain_model import DESIGNED, arm
 
-from zerobeam.model.instruments.registry import kind_of
-from zerobeam.model.likelihood import c_source, kernel
-from zerobeam.model.likelihood.c_source import (
+from zerobeam.model import c_source, kernel
+from zerobeam.model.c_source import (
     NoSource,
     Offsets,
     columns,
@@ -15,8 +14,9 @@ from zerobeam.model.likelihood.c_source import (
     per_inner,
     per_outer,
 )
+from zerobeam.model.instruments.registry import kind_of
+from zerobeam.model.kernel import Kernel
 from zerobeam.model.likelihood.constraint import ShotFunctions
-from zerobeam.model.likelihood.kernel import Kernel
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
 

@@ -30,7 +30,7 @@ import casadi as ca
 import numpy as np
 import platformdirs
 
-from ..arrays import Index, Matrix
+from .arrays import Index, Matrix
 from .c_source import GridInput, NoSource, every, grid_source
 
 LONGEST_S = 300.0  # the largest kernels take a few seconds, on a busy machine a minute and more

@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from zerobeam.model.likelihood import kernel
-from zerobeam.model.likelihood.c_source import Offsets, columns, constant, per_both, per_inner, per_outer
-from zerobeam.model.likelihood.kernel import Kernel, KernelWarning, cache_folder
+from zerobeam.model import kernel
+from zerobeam.model.c_source import Offsets, columns, constant, per_both, per_inner, per_outer
+from zerobeam.model.kernel import Kernel, KernelWarning, cache_folder
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
 
@@ -364,7 +364,7 @@ import sys, time
 import numpy as np
 sys.path.insert(0, sys.argv[1])
 from test_kernel import small
-from zerobeam.model.likelihood import kernel
+from zerobeam.model import kernel
 really = kernel._compile
 def compile(*arguments):
     print("compiling", flush=True)
