@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from ..experiments.history.arm_history import ArmHistory
     from ..experiments.history.database import Database
     from ..experiments.history.store import Damaged
-    from ..experiments.history.stored_result import Entry, StoredResult
+    from ..experiments.history.stored_result import Entry, Event, StoredResult
 
+OfArm = TypeVar("OfArm", "Event", "StoredResult")
 Serial = Annotated[str, argument("Serial number of the arm.", metavar="SERIAL")]
 
 
@@ -244,6 +245,13 @@ def export(
     say(f"{count} results: {file}")
 
 
+def _by_arm(of_all: Iterable[OfArm]) -> dict[tuple[str, str], list[OfArm]]:
+    by_arm: dict[tuple[str, str], list[OfArm]] = {}
+    for one in of_all:
+        by_arm.setdefault((one.serial, one.model), []).append(one)
+    return by_arm
+
+
 @histories.of_options("drift")
 def drift(
     serial: SerialOrAll = None,
@@ -255,17 +263,15 @@ def drift(
     """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
     from ..experiments.history.arm_drift import arm_drift
     from ..experiments.history.fleet_drift import DriftOfArms, drift_of_each, fleet_drift
-    from ..experiments.history.store import arms, events, find_arm, results
+    from ..experiments.history.store import events, find_arm, results
     from ..reports.history.history_tables import arms_drift_table, drift_blocks, fleet_blocks
 
     with opened(db) as history, progress("drift") as tell:
         arm, fleet = None, None
         if serial is None:
-            every = [(one.serial, one.model) for one in arms(history) if one.results]
-            jobs = ((job, list(results(history, job)), events(history, job)) for job in every)
-            drifts = drift_of_each(
-                jobs, len(every), tolerance_mm, lambda stage, share: tell(stage, share / 2)
-            )
+            stored, logged = _by_arm(results(history)), _by_arm(events(history))
+            jobs = [(each, of_arm, logged.get(each, [])) for each, of_arm in stored.items()]
+            drifts = drift_of_each(jobs, tolerance_mm, lambda stage, share: tell(stage, share / 2))
             fleet = fleet_drift(drifts, lambda stage, share: tell(stage, (1 + share) / 2))
         else:
             arm = find_arm(history, serial, model)

@@ -35,7 +35,7 @@ _ROOT_2_PI = math.sqrt(2 * math.pi)
 ALARM = 0.01  # probability of a false alarm, of an arm
 MEDIAN, SPREAD = 0.01, 1.5  # deg or mm per root year, and of its natural logarithm
 LEVEL = 0.95
-_NODES = 256  # of each pass; a power of two
+_NODES = 128  # of each pass; a power of two
 _PASSES = 4  # after the first
 _MOST_JUMPS = 20
 
@@ -299,9 +299,9 @@ class Drift:
         """(T - 1, m) where an offset may change by any amount: jumps that were found, and resets."""
         return allowed(self.series, ((jump.place, jump.offset) for jump in self.jumps))
 
-    def at_last(self) -> Drift:
-        """The same with the state at the last result alone: a tenth of the memory, for many arms."""
-        return replace(self, smoothed=self.smoothed.at_last())
+    def without_states(self) -> Drift:
+        """The same, the states that were computed forgotten: most of the memory, for many arms."""
+        return replace(self, smoothed=replace(self.smoothed))
 
 
 def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
@@ -358,11 +358,11 @@ def allowed(series: Series, jumps: Iterable[tuple[int, str]]) -> Matrix:
 
 
 def median_interval(values: Matrix, weights: Matrix) -> tuple[float, tuple[float, float]]:
-    """Median and central 95 % interval of weighted values."""
+    """Median and central 95 % interval of weighted values: straight between the values, so that a small
+    change of a weight is a small one of a quantile."""
     order = np.argsort(values)
-    at = np.cumsum(weights[order])
-    rows = np.minimum(np.searchsorted(at, (0.025, 0.5, 0.975)), len(values) - 1)
-    low, middle, high = values[order][rows].tolist()
+    at = np.cumsum(weights[order]) - weights[order] / 2
+    low, middle, high = np.interp((0.025, 0.5, 0.975), at, values[order]).tolist()
     return middle, (low, high)
 
 
@@ -404,7 +404,7 @@ def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Smoothed, Node
 
 def _jump(smoothed: Smoothed, weights: Matrix, t: int, j: int, p_value: float) -> Jump:
     """The size of a jump that is allowed for, the drift of that interval in it."""
-    series, mean = smoothed.series, smoothed.mean
-    step = mean[:, t + 1, j] - mean[:, t, j]
-    low, high = mixture_interval(step, np.sqrt(smoothed.step_variance[:, t, j]), weights, LEVEL)
+    series, (mean, _, step_variance) = smoothed.series, smoothed.states(slice(t, t + 2))
+    step = mean[:, 1, j] - mean[:, 0, j]
+    low, high = mixture_interval(step, np.sqrt(step_variance[:, 0, j]), weights, LEVEL)
     return Jump(series.names[j], series.units[j], t, float(weights @ step), (low, high), p_value)

@@ -8,10 +8,15 @@ each offset with a mu and a rho of its own (a hierarchical model: Gelman et al. 
 ch. 5). rho, the share of the prior's variance that lies between the arms of a model, is uniform from `LEAST`
 to 1. So the rate of a single arm has the prior of `drift` whatever rho is, and one arm alone has the same
 answer as without a fleet. The likelihood of an arm couples the rates of its offsets, so all mu and rho are
-integrated over together: the likelihood of an arm, given mu and rho, is a weighted sum over the rates that
-its drift was integrated over. Where too few of these agree with mu and rho, more are sampled about a normal
-approximation, and again while few agree with the mu and rho of the posterior. mu and rho are integrated over
-about the mode, as standard normal coordinates.
+integrated over together.
+
+The likelihood of an arm, given mu and rho, is a weighted sum over rates about the product of N(mu, tau^2) and
+of the arm's likelihood, taken as normal. These rates are others for each mu and rho, but the same points of
+a lattice: the sum is a smooth function of mu and rho. (Rates that are sampled once and for all agree with few
+mu and rho, and of many arms the sum is highest where the rates were sampled.) mu and rho are standard normal
+coordinates by their prior, and are integrated over about the mode of the posterior, found by Newton's steps
+with the slope of Fisher's identity and the curvature of Louis (1982). A rho that the data say nothing of, or
+push to its bound, has the curvature of its prior there.
 
 An offset whose drift rate no arm determines (`Drift.determines_rate`) is not modelled: nothing is known of it
 but the prior.
@@ -20,34 +25,33 @@ but the prior.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from ...model.arrays import Index, Matrix
 from .drift import MEDIAN, SPREAD, Drift, median_interval
-from .importance import Nodes, Pass, about, effective, from_pass, normalised, sampled
-from .smoother import Series, smooth
+from .importance import effective, normalised, sampled, standard_points
+from .smoother import SeveralSeries
 
 LEAST = 0.04  # of rho: rates of two arms of a model are never taken as equal (tau at least 0.3)
-ENOUGH = 100  # rates of an arm that agree with mu and rho: with fewer, more are sampled
-_MORE, _ROUNDS, _WIDER = 256, 3, 1.3
-FEW, _AGAIN = 30, 12  # rates of an arm that agree with its model: with fewer, so many rounds more at most
-_NODES, _PASSES, _NEAR = 512, 2, 1.2  # of mu and rho; the pass about the mode is so much wider
-_AT_ONCE = 64  # of mu and rho: what fast memory holds
+_TOGETHER, _FEWEST, _MOST = 4096, 16, 128  # rates given mu and rho: of all arms, and of one; powers of two
+_AT_MODE, _LATTICES = 64, 256  # rates of an arm where the mode is looked for; how many arms have others
+_WIDER, _SHARPEST = 1.2, 1e3  # of these rates; the precision of an arm's likelihood at most
+_FAR, _STEPS, _FLAT = 0.5, 60, 0.5  # of Newton; a curvature is at least half of the prior's
+_SHARES, _CLOSE = (1.0, 0.3, 0.1, 0.03), 1e-3  # of a step that are tried; by how much one has to lead upwards
+_NODES, _PASSES, _NEAR = 64, 2, 1.2  # of mu and rho; the pass about the mode is so much wider
+_AT_ONCE = 32  # of mu and rho: what fast memory holds
 _SOME = 128  # of mu and rho that an arm's rates are of
-_EXCLUDED = 20.0  # less than the highest log-likelihood
-_STEP = 1e-3
 _CENTRE = math.log(MEDIAN)
 
 
 @dataclass(frozen=True, eq=False)
 class ArmRates:
-    """The rates of an arm among those of its model: `rates` (K, m), `weights` (K,); `effective` is how many
-    of them agree with the model's, on average."""
+    """The rates of an arm among those of its model: `rates` (K, m), `weights` (K,); `effective` is their
+    effective number."""
 
     names: tuple[str, ...]
     rates: Matrix
@@ -89,219 +93,176 @@ class ModelRates:
         return min(1.0, float(self.weights @ special.ndtr((mu - math.log(rate)) / width)))
 
 
-@dataclass(eq=False)
-class _Cloud:
-    """The `nodes` of an arm's rates (their logarithms) and their log-likelihood (K,); the `columns` of its
-    offsets among those of the model, -1 where that is not modelled."""
+@dataclass(frozen=True, eq=False)
+class _Arms:
+    """A arms, by their numbers `of`, with the same m offsets, in the `columns` (m,) of the model's, -1 where
+    one is not modelled. The likelihood of their log rates (from the prior's median), taken as normal:
+    `precision` (A, m, m) and its product with the centre, `vector` (A, m)."""
 
-    series: Series
-    jumps: Matrix
-    nodes: Nodes
-    log_likelihood: Matrix
-    columns: Matrix
+    of: Sequence[int]
+    several: SeveralSeries
+    columns: Index
+    precision: Matrix
+    vector: Matrix
 
-    @property
-    def kept(self) -> Matrix:
-        """(K,) those that the results do not all but exclude."""
-        return np.asarray(self.log_likelihood > self.log_likelihood.max() - _EXCLUDED)
+    @staticmethod
+    def grouped(drifts: Sequence[Drift], names: Sequence[str]) -> Iterator[_Arms]:
+        of_each = [tuple(drift.series.names) for drift in drifts]
+        for offsets in dict.fromkeys(of_each):
+            of = [k for k, of_arm in enumerate(of_each) if of_arm == offsets]
+            columns = np.array([names.index(name) if name in names else -1 for name in offsets])
+            normal = [_as_normal(drifts[k]) for k in of]
+            several = SeveralSeries.of([(drifts[k].series, drifts[k].allowed) for k in of])
+            yield _Arms(of, several, columns, *(np.array(part) for part in zip(*normal, strict=True)))
 
-    @property
-    def base(self) -> Matrix:
-        """(K,) the logarithm of likelihood and prior of what is not modelled, over their density."""
-        apart = self.nodes.points[:, self.columns < 0] - _CENTRE
-        over = self.nodes.against - 0.5 * (apart**2).sum(axis=1) / SPREAD**2
-        return np.asarray(self.log_likelihood + over)
-
-    def extend(self, mu: Matrix, tau: Matrix, seed: int) -> None:
-        """More rates about the product of the arm's likelihood, taken as normal, and of N(mu, tau^2)."""
-        weights = normalised(self.log_likelihood + self.nodes.over)
-        x = (self.nodes.points - _CENTRE) / SPREAD  # standard normal by the prior
-        mean = weights @ x
-        spread, axes = np.linalg.eigh((weights[:, None] * (x - mean)).T @ (x - mean))
-        sharper = np.maximum(1 / np.maximum(spread, 1e-6) - 1, 0.0)
-        pulled = np.where(sharper > 0, (axes.T @ mean) / np.maximum(spread, 1e-6), 0.0)
+    def weighted(self, mu: Matrix, tau: Matrix, number: int) -> tuple[Matrix, Matrix]:
+        """For `mu`, `tau` (H, n): K = `number` log rates from the prior's median (A, H, K, m), and the
+        logarithm of the weight of each (A, H, K)."""
         modelled = self.columns >= 0
-        at = self.columns[modelled]
-        precision, centre = np.ones(len(mean)), np.zeros(len(mean))
-        precision[modelled] = (SPREAD / tau[at]) ** 2
-        centre[modelled] = (mu[at] - _CENTRE) / SPREAD
-        covariance = np.linalg.inv((axes * sharper) @ axes.T + np.diag(precision))
-        middle = covariance @ (axes @ pulled + precision * centre)
-        root = _WIDER * SPREAD * np.linalg.cholesky(covariance)
-        self.add((_CENTRE + SPREAD * middle, root), seed)
+        prior, centre = (np.zeros((len(mu), len(self.columns))) for _ in range(2))
+        prior[:] = SPREAD**-2.0
+        prior[:, modelled] = tau[:, self.columns[modelled]] ** -2
+        centre[:, modelled] = mu[:, self.columns[modelled]] - _CENTRE
+        precision = self.precision[:, None] + prior[:, :, None] * np.eye(len(self.columns))
+        root = np.linalg.cholesky(precision)
+        inverse = np.linalg.inv(root)
+        vector = self.vector[:, None] + prior * centre
+        middle = (inverse.swapaxes(-1, -2) @ (inverse @ vector[..., None]))[..., 0]
+        # Of each arm others, so that the deviations of their sums are independent.
+        z = np.array([standard_points(len(self.columns), number, k % _LATTICES) for k in self.of])[:, None]
+        x = middle[:, :, None] + _WIDER * z @ inverse
+        log_weights = self.several.log_likelihood(_CENTRE + x.reshape(len(x), -1, x.shape[-1]))
+        log_weights = log_weights.reshape(x.shape[:3]) + (z**2).sum(axis=-1) / 2
+        log_weights -= (prior[:, None] * (x - centre[:, None]) ** 2).sum(axis=-1) / 2
+        factor = np.log(prior).sum(axis=1) / 2 - np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=-1)
+        return x, log_weights + (factor - math.log(number))[:, :, None]
 
-    def add(self, near: Pass, seed: int) -> None:
-        """The points of one more pass."""
-        points = from_pass(near, _MORE, seed)
-        log_likelihood = smooth(self.series, np.exp(points), self.jumps).log_likelihood
-        self.nodes = self.nodes.followed_by(near, points)
-        self.log_likelihood = np.concatenate([self.log_likelihood, log_likelihood])
+
+def _as_normal(drift: Drift) -> tuple[Matrix, Matrix]:
+    """Precision (m, m) of the likelihood of an arm's log rates, and its product with the centre (m,), by the
+    moments of their posterior."""
+    x = np.log(drift.rates) - _CENTRE
+    mean = drift.weights @ x
+    variance, axes = np.linalg.eigh((drift.weights[:, None] * (x - mean)).T @ (x - mean))
+    sharp = np.minimum(1 / variance, _SHARPEST)
+    known = np.maximum(sharp - SPREAD**-2, 0.0)
+    return (axes * known) @ axes.T, axes @ np.where(known > 0, sharp * (axes.T @ mean), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class _Stack:
-    """The kept rates of the A arms of a model one below the other, R in all: `features` (R, 2 n) are squares
-    and values of their logarithms from the prior's median, 0 for an offset that the arm does not have;
-    `base` (R,) as of each arm, up to a constant; `begins` (A,) where each begins, `present` (A, n) its
-    offsets."""
+class _Model:
+    """All arms of a model, by groups; `size` offsets are modelled, by so many rates of each arm."""
 
-    features: Matrix
-    base: Matrix
-    begins: Index
-    present: Matrix
+    groups: tuple[_Arms, ...]
+    size: int
+    number: int
 
-    @staticmethod
-    def of(clouds: Sequence[_Cloud], size: int) -> _Stack:
-        """Of n = `size` offsets that are modelled."""
-        features, bases = [np.zeros((0, 2 * size))], [np.zeros(0)]
-        present = np.zeros((len(clouds), size))
-        for k, cloud in enumerate(clouds):
-            kept, modelled = cloud.kept, cloud.columns >= 0
-            x = np.zeros((int(kept.sum()), size))
-            x[:, cloud.columns[modelled]] = cloud.nodes.points[np.ix_(kept, modelled)] - _CENTRE
-            present[k, cloud.columns[modelled]] = 1.0
-            features.append(np.concatenate([x**2, x], axis=1))
-            base = cloud.base[kept]
-            bases.append(base - base.max())
-        begins = np.cumsum([*map(len, bases)])[:-1]
-        return _Stack(np.concatenate(features), np.concatenate(bases), begins, present)
+    def log_likelihood(self, points: Matrix) -> Matrix:
+        """(H,) of all arms together for standard normal coordinates (H, 2 n), up to a constant."""
+        total = np.zeros(len(points))
+        for part in np.split(np.arange(len(points)), range(_AT_ONCE, len(points), _AT_ONCE)):
+            for group in self.groups:
+                total[part] += _of_all(group.weighted(*_model(points[part]), self.number)[1])
+        return total
 
-    @cached_property
-    def arm(self) -> Index:
-        """(R,) which arm each is of."""
-        return np.repeat(np.arange(len(self.begins)), np.diff(self.begins, append=len(self.base)))
-
-    @cached_property
-    def _single(self) -> tuple[list[Matrix], list[Matrix]]:
-        """Features and base of each arm in single precision, which takes a fourth of the time and is far
-        finer than the number of rates is."""
-        parts = (self.features.astype(np.float32), self.base.astype(np.float32))
-        return np.split(parts[0], self.begins[1:]), np.split(parts[1], self.begins[1:])
-
-    def log_weights(self, k: int, mu: Matrix, tau: Matrix) -> Matrix:
-        """(H, K) of the rates of arm k for `mu`, `tau` (H, n), up to a constant of the arm."""
-        linear, constant = _normal(mu, tau)
-        features, base = self._single[0][k], self._single[1][k]
-        log_weights = linear.astype(base.dtype) @ features.T
-        log_weights += base
-        log_weights -= (constant @ self.present[k])[:, None].astype(base.dtype)
-        return np.asarray(log_weights)
-
-    def weights(self, k: int, mu: Matrix, tau: Matrix) -> Matrix:
-        """(K, H) of the rates of arm k, which sum to 1 for each `mu`, `tau`."""
-        return normalised(self.log_weights(k, mu, tau).T.astype(float))
-
-    def log_likelihood(self, mu: Matrix, tau: Matrix) -> Matrix:
-        """(H,) of all arms together, up to a constant."""
-        each = (_log_sum(self.log_weights(k, mu, tau)) for k in range(len(self.begins)))
-        return np.asarray(sum(each, np.zeros(len(mu))))
-
-    def density(self, at: Matrix) -> tuple[float, Matrix]:
-        """The logarithm of the density of the coordinates `at` (2 n,) up to a constant, and its gradient."""
-        size = len(at) // 2
+    def density(self, at: Matrix) -> tuple[float, Matrix, Matrix]:
+        """The log-posterior of the coordinates `at` (2 n,) up to a constant, its gradient and its second
+        derivatives (2 n, 2 n)."""
+        n = self.size
         mu, tau = _model(at[None])
-        (linear,), (constant,) = _normal(mu, tau)
-        log_weights = self.features @ linear + self.base
-        most = np.maximum.reduceat(log_weights, self.begins)
-        arm = self.arm
-        weights = np.exp(log_weights - most[arm])
-        total = np.add.reduceat(weights, self.begins)
-        value = float((most + np.log(total) - self.present @ constant).sum()) - 0.5 * float(at @ at)
-        squared, mean = np.split((weights / total[arm]) @ self.features, 2)
-        centre, variance, count = mu[0] - _CENTRE, tau[0] ** 2, self.present.sum(axis=0)
-        by_mu = (mean - count * centre) / variance
-        by_log_tau = (squared - 2 * centre * mean + count * centre**2) / variance - count
-        within = (1 - LEAST) * special.ndtr(-at[size:])
-        slope = (1 - LEAST) * np.exp(-0.5 * at[size:] ** 2) / math.sqrt(2 * math.pi)  # of rho
-        by_rho = by_log_tau / (2 * (1 - within)) - by_mu * (SPREAD * at[:size]) / (2 * np.sqrt(within))
-        return value, np.concatenate([by_mu * SPREAD * np.sqrt(within), by_rho * slope]) - at
+        squared, mean, count = np.zeros(n), np.zeros(n), np.zeros(n)
+        covariance, value = np.zeros((2 * n, 2 * n)), -float(at @ at) / 2
+        for group in self.groups:
+            x, log_weights = group.weighted(mu, tau, _AT_MODE)
+            value += float(_of_all(log_weights)[0])
+            weights, modelled = normalised(log_weights[:, 0].T).T, group.columns >= 0
+            x = x[:, 0][:, :, modelled]
+            features, to = np.concatenate([x**2, x], axis=2), group.columns[modelled]
+            weighted = weights[:, :, None] * features
+            means, both = weighted.sum(axis=1), np.concatenate([to, to + n])
+            covariance[np.ix_(both, both)] += (
+                np.tensordot(features, weighted, ((0, 1), (0, 1))) - means.T @ means
+            )
+            squared[to] += means[:, : len(to)].sum(axis=0)
+            mean[to] += means[:, len(to) :].sum(axis=0)
+            count[to] += len(x)
+        # By the precision p of log rates and their centre c, which are of z and of u = 1 - rho, ...
+        z, share = at[:n], at[n:]
+        u, p, c = (1 - LEAST) * special.ndtr(-share), 1 / tau[0] ** 2, mu[0] - _CENTRE
+        by_p, by_c = (c * (2 * mean - count * c) - squared + count / p) / 2, p * (mean - count * c)
+        p_u, c_z, c_u = p / (1 - u), SPREAD * np.sqrt(u), SPREAD * z / (2 * np.sqrt(u))
+        u_s = (LEAST - 1) * np.exp(-0.5 * share**2) / math.sqrt(2 * math.pi)
+        by_u = by_p * p_u + by_c * c_u
+        p_c, c_c = mean - count * c, -count * p
+        z_u = (p_c * p_u + c_c * c_u) * c_z + by_c * SPREAD / (2 * np.sqrt(u))
+        u_u = -count / (2 * p**2) * p_u**2 + (2 * p_c * p_u + c_c * c_u) * c_u
+        u_u += by_p * 2 * p_u / (1 - u) - by_c * c_u / (2 * u)
+        s_s = u_u * u_s**2 - by_u * share * u_s
+        # ... and by what multiplies squares and values of the rates, whose covariance curves it.
+        along = _blocks(0 * z, p * c_z, -p_u / 2 * u_s, (p_u * c + p * c_u) * u_s)
+        curved = along @ covariance @ along.T + _blocks(c_c * c_z**2, z_u * u_s, z_u * u_s, s_s)
+        return value, np.concatenate([by_c * c_z, by_u * u_s]) - at, curved - np.eye(2 * n)
 
-    def mode(self) -> Matrix:
-        """(2 n,) where the density of mu and rho is highest."""
-        size = self.present.shape[1]
-        if not size:
-            return np.zeros(0)
-        result = optimize.minimize(
-            lambda at: tuple(-part for part in self.density(at)),
-            np.zeros(2 * size),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(-6, 6)] * (2 * size),
-            options={"gtol": 1e-3, "ftol": 1e-8},
-        )
-        return np.asarray(result.x)
+    def mode(self) -> tuple[Matrix, Matrix]:
+        """Where the posterior is highest (2 n,), and a root (2 n, 2 n) of the covariance about it: each step
+        is shortened until it leads upwards, and none is left that does."""
+        at = np.zeros(2 * self.size)
+        value, slope, curved = self.density(at)
+        for _ in range(_STEPS):
+            values, axes = np.linalg.eigh(-curved)
+            values = np.maximum(np.abs(values), _FLAT)
+            step = axes @ ((axes.T @ slope) / values)
+            step *= min(1.0, _FAR / max(np.abs(step).max(initial=0.0), _FAR))
+            for share in _SHARES:
+                new = self.density(at + share * step)
+                if new[0] > value + _CLOSE:
+                    break
+            else:
+                break
+            at, (value, slope, curved) = at + share * step, new
+        return at, np.asarray(_NEAR * axes / np.sqrt(values))
 
-    def about_mode(self, mode: Matrix) -> Matrix:
-        """A root (2 n, 2 n) of the covariance about the mode, by differences of the gradient."""
-        steps = _STEP * np.eye(len(mode))
-        curved = [(self.density(mode - d)[1] - self.density(mode + d)[1]) / (2 * _STEP) for d in steps]
-        precision = np.reshape(curved, (len(mode), len(mode)))
-        values, axes = np.linalg.eigh((precision + precision.T) / 2)
-        return np.asarray(_NEAR * axes / np.sqrt(np.maximum(values, 0.5)))
+    def arms(self, mu: Matrix, tau: Matrix) -> list[ArmRates]:
+        """The rates of each arm, in the order given, for all `mu` and `tau` (H, n) alike."""
+        by_arm: dict[int, ArmRates] = {}
+        for group in self.groups:
+            x, log_weights = group.weighted(mu, tau, self.number)
+            weights = normalised(np.moveaxis(log_weights, -1, 0)).transpose(1, 2, 0) / len(mu)
+            for k, rates, of_arm in zip(group.of, np.exp(_CENTRE + x), weights, strict=True):
+                flat = of_arm.ravel()
+                by_arm[k] = ArmRates(group.several.names, rates.reshape(len(flat), -1), flat, effective(flat))
+        return [by_arm[k] for k in range(len(by_arm))]
 
 
 def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
     """The drift rates of the arms of one model, by the drift of each."""
     with_rate = {name for arm in drifts for name in arm.series.names if arm.determines_rate(name)}
     names = tuple(sorted(with_rate, key=lambda name: (len(name), name)))
-    clouds = [_cloud(arm, names) for arm in drifts]
-    stack = _Stack.of(clouds, len(names))
-    for number in range(_ROUNDS):
-        mu, tau = _model(stack.mode()[None])
-        few = [k for k in range(len(clouds)) if effective(stack.weights(k, mu, tau)[:, 0]) < ENOUGH]
-        for turn, k in enumerate(few):
-            clouds[k].extend(mu[0], tau[0], seed + 1000 * (number + 1) + turn)
-        if not few:
-            break
-        stack = _Stack.of(clouds, len(names))
-    mode = stack.mode()
-    passes = [(np.zeros(len(mode)), np.eye(len(mode))), (mode, stack.about_mode(mode))]
-
-    def log_likelihood(points: Matrix) -> Matrix:
-        parts = np.split(points, range(_AT_ONCE, len(points), _AT_ONCE))
-        return np.concatenate([stack.log_likelihood(*_model(part)) for part in parts])
-
-    nodes, log_likelihoods = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
+    number = 2 ** int(math.log2(np.clip(_TOGETHER / max(len(drifts), 1), _FEWEST, _MOST)))
+    model = _Model(tuple(_Arms.grouped(drifts, names)), len(names), number)
+    mode, root = model.mode()
+    inverse = np.asarray(np.linalg.inv(root), float)  # with it the posterior is about standard normal
+    passes = [(-inverse @ mode, inverse), (np.zeros(len(mode)), np.eye(len(mode)))]
+    nodes, log_likelihoods = sampled(
+        lambda points: model.log_likelihood(mode + points @ root.T), passes, _PASSES, _NODES, seed
+    )
     weights = normalised(log_likelihoods + nodes.over)
-    mu, tau = _model(nodes.points)
+    mu, tau = _model(mode + nodes.points @ root.T)
     some = np.searchsorted(np.cumsum(weights), (np.arange(_SOME) + 0.5) / _SOME)
-    arms = tuple(_arm(cloud, mu[some], tau[some], seed) for cloud in clouds)
+    arms = tuple(model.arms(mu[some], tau[some]))
     return ModelRates(names, mu, tau, weights, effective(weights), arms)
 
 
-def _cloud(drift: Drift, names: tuple[str, ...]) -> _Cloud:
-    columns = [names.index(name) if name in names else -1 for name in drift.series.names]
-    nodes = Nodes.of(np.log(drift.rates), drift.passes)
-    return _Cloud(drift.series, drift.allowed, nodes, drift.smoothed.log_likelihood, np.array(columns))
+def _of_all(log_weights: Matrix) -> Matrix:
+    """(H,) the sum over A arms of the logarithm of the sum of K weights (A, H, K)."""
+    most = log_weights.max(axis=-1)
+    return np.asarray((most + np.log(np.exp(log_weights - most[..., None]).sum(axis=-1))).sum(axis=0))
 
 
-def _arm(cloud: _Cloud, mu: Matrix, tau: Matrix, seed: int) -> ArmRates:
-    """The rates of an arm given `mu` and `tau` (H, n): more of them, about those that agree where the fewest
-    do, while fewer than `FEW` agree on average."""
-    for number in range(_AGAIN + 1):
-        of_each = _Stack.of([cloud], mu.shape[1]).weights(0, mu, tau)  # (K, H)
-        agreeing = 1 / (of_each**2).sum(axis=0)
-        if agreeing.mean() >= FEW or number == _AGAIN:
-            break
-        near = about(cloud.nodes.points[cloud.kept], of_each[:, agreeing.argmin()])
-        cloud.add(near, seed + 10_000 + number)
-    rates = np.exp(cloud.nodes.points[cloud.kept])
-    return ArmRates(cloud.series.names, rates, of_each.mean(axis=1), float(agreeing.mean()))
-
-
-def _normal(mu: Matrix, tau: Matrix) -> tuple[Matrix, Matrix]:
-    """What multiplies the features (H, 2 n), and minus what each offset adds (H, n), of log N(mu, tau^2)."""
-    precision, centre = 1 / tau**2, mu - _CENTRE
-    linear = np.concatenate([-0.5 * precision, precision * centre], axis=1)
-    return linear, 0.5 * precision * centre**2 + np.log(tau)
-
-
-def _log_sum(log_weights: Matrix) -> Matrix:
-    """(H,) of (H, K), which is overwritten."""
-    most = log_weights.max(axis=1)
-    log_weights -= most[:, None]
-    np.exp(log_weights, out=log_weights)
-    return np.asarray(most.astype(float) + np.log(log_weights.sum(axis=1, dtype=float)))
+def _blocks(*parts: Matrix) -> Matrix:
+    """(2 n, 2 n) of four diagonals (n,)."""
+    a, b, c, d = map(np.diag, parts)
+    return np.block([[a, b], [c, d]])
 
 
 def _model(points: Matrix) -> tuple[Matrix, Matrix]:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy import special
-from scipy.stats import qmc
+from scipy import optimize, special
 
 from ...model.arrays import Matrix
 from .drift import LEVEL, Drift, mixture_quantile
+from .importance import even_points
 
 HORIZON_YEARS = 20.0
 _DRAWS = 4096  # a power of two
@@ -56,20 +56,16 @@ def due_after(drift: Drift, sensitivity_mm2: Matrix, tolerance_mm: float) -> flo
 
     if error_mm(0.0) > tolerance_mm:
         return 0.0
-    low, high = 0.0, HORIZON_YEARS
-    if error_mm(high) <= tolerance_mm:
+    if error_mm(HORIZON_YEARS) <= tolerance_mm:
         return None
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if error_mm(middle) <= tolerance_mm else (low, middle)
-    return low
+    return float(optimize.brentq(lambda years: error_mm(years) - tolerance_mm, 0.0, HORIZON_YEARS, xtol=1e-9))
 
 
 @cache
 def _draws(size: int) -> tuple[Matrix, Matrix]:
-    """Sobol points, the same for every arm: shares (N,) to choose rates by, (N, 2 size) standard normal."""
-    points = qmc.Sobol(2 * size + 1, seed=0).random(_DRAWS)
-    return points[:, 0], np.asarray(special.ndtri(np.clip(points[:, 1:], 1e-12, 1 - 1e-12)))
+    """Even points, the same for every arm: shares (N,) to choose rates by, (N, 2 size) standard normal."""
+    points = even_points(2 * size + 1, _DRAWS, 0)
+    return points[:, 0], np.asarray(special.ndtri(points[:, 1:]))
 
 
 @dataclass(frozen=True, eq=False)

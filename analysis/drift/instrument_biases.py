@@ -42,7 +42,7 @@ from .smoother import Observation, Series, filtered, series_of
 
 Groups = tuple[tuple[str, ...], ...]
 _ROUNDS = 4  # of results corrected by the biases, at most
-_RATES = 256  # of an arm
+_RATES = 128  # of an arm
 _DRAWS, _FIRST = 300, 30  # of the biases, and how many are forgotten
 
 

@@ -9,8 +9,8 @@ change of rank one. A result that does not determine a direction has no informat
 Where a jump is allowed, the walk has no information: 0 in place of 1 / (rate^2 gap).
 
 The rates are the last axis of every array within: numpy works along it, for all rates at once. Where a C
-compiler is at hand, the filter and the tests of jumps are compiled (smoother.c), which take a fourth and a
-sixth of numpy's time. The numbers are the same to rounding."""
+compiler is at hand, the filter and the tests of jumps are compiled (smoother.c). The numbers are the same to
+rounding."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Series:
     observations: tuple[Observation, ...]
     reset: tuple[int, ...] = ()
 
-    @property
+    @cached_property
     def gaps(self) -> Matrix:
         """(T - 1,) years between the results; at least an hour, so that two at one time may differ."""
         return np.asarray(
@@ -122,9 +122,10 @@ def series_of(
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """What the results before each of T states say of it, for K rates: `precision` (T, m, m, K) and `vectors`
-    (T, m, c, K), the result of the state itself not included. With all states eliminated, `explained`
-    (c, c, K) is the quadratic form of the vectors, `log_scale` (K,) the logarithm of the factor beside it."""
+    """What the results before each of T states, or before the last alone, say of it, for K rates: `precision`
+    (T or 1, m, m, K) and `vectors` (T or 1, m, c, K), the result of the state itself not included. With all
+    states eliminated, `explained` (c, c, K) is the quadratic form of the vectors, `log_scale` (K,) the
+    logarithm of the factor beside it."""
 
     precision: Matrix
     vectors: Matrix
@@ -132,24 +133,58 @@ class Filtered:
     log_scale: Matrix
 
     @staticmethod
-    def of(information: Matrix, vectors: Matrix, variance: Matrix, jumps: Matrix) -> Filtered:
-        """Of results (T, m, m) and (T, m, c) in this order, with the `variance` (T - 1, m, K) of the steps
-        between them, none where one of the `jumps` (T - 1, m) is allowed."""
-        (count, size, columns), rates = vectors.shape, variance.shape[-1]
+    def of(
+        information: Matrix, vectors: Matrix, gaps: Matrix, rates: Matrix, jumps: Matrix, *, whole: bool
+    ) -> Filtered:
+        """Of results (T, m, m) and (T, m, c) in this order, with `gaps` (T - 1,) between them that offsets
+        drift in by their `rates` (K, m) but where one of the `jumps` (T - 1, m) is allowed; `whole`: of all
+        states."""
+        (count, size, columns), number = vectors.shape, len(rates)
         # The vectors stand beside the matrix: a step changes both alike.
         added = np.concatenate([information, vectors], axis=2)
-        kept = np.empty((count, size, size + columns, rates))
-        explained, totals = np.empty((columns, columns, rates)), np.empty((count, size, rates))
-        _filter(added, variance, jumps, kept, explained, totals)
-        log_scale = -np.log(totals).sum(axis=(0, 1))
-        log_scale -= np.log(variance).sum(axis=(0, 1), where=np.logical_not(jumps)[:, :, None])
-        return Filtered(kept[:, :, :size], kept[:, :, size:], explained, log_scale / 2)
+        kept = np.empty((count if whole else 1, size, size + columns, number))
+        explained, factor = np.empty((columns, columns, number)), np.empty(number)
+        steps = _Steps.of(gaps, rates, jumps)
+        if (library := _library()) is None:
+            _filter(added, steps, kept, explained, factor)
+        else:
+            states = len(kept) * size * (size + columns)
+            work = np.empty((states + columns**2 + (size + 1) * (size + columns)) * _LANES)
+            library.zb_filter(
+                count, size, columns, number, _at(added), *steps.addresses, whole,
+                *map(_at, (kept, explained, factor, work)),
+            )  # fmt: skip
+        walks = np.logical_not(jumps)
+        log_variance = 2 * np.log(rates) @ walks.sum(axis=0) + np.log(gaps) @ walks.sum(axis=1)
+        return Filtered(kept[:, :, :size], kept[:, :, size:], explained, -(factor + log_variance) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """What the steps say: 1 / gap (T - 1,) times 1 / rate^2 (m, K), nothing where `jumps` (T - 1, m)."""
+
+    per_gap: Matrix
+    precision: Matrix
+    jumps: Matrix
+
+    @staticmethod
+    def of(gaps: Matrix, rates: Matrix, jumps: Matrix) -> _Steps:
+        return _Steps(1 / gaps, 1 / np.ascontiguousarray(rates.T) ** 2, np.ascontiguousarray(jumps))
+
+    @property
+    def of_all(self) -> Matrix:
+        """(T - 1, m, K) of each step."""
+        return np.where(self.jumps[:, :, None], 0.0, self.per_gap[:, None, None] * self.precision)
+
+    @property
+    def addresses(self) -> tuple[int, int, int]:
+        return _at(self.per_gap), _at(self.precision), _at(self.jumps)
 
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
     """The states of a series for each of the K `rates` (K, m), where `jumps` (T - 1, m) are allowed; what is
-    not asked for is not computed. `forward` is what the results before each state say of it."""
+    not asked for is not computed. `forward` is what the results before the last state say of it."""
 
     series: Series
     rates: Matrix
@@ -162,12 +197,6 @@ class Smoothed:
         arrays = [[getattr(part.forward, field.name) for part in parts] for field in fields(Filtered)]
         forward = Filtered(*(np.concatenate(array, axis=-1) for array in arrays))
         return replace(parts[0], rates=np.concatenate([part.rates for part in parts]), forward=forward)
-
-    def at_last(self) -> Smoothed:
-        """The same with the state at the last result alone."""
-        forward = self.forward
-        few = forward.precision[-1:].copy(), forward.vectors[-1:].copy()
-        return replace(self, forward=Filtered(*few, forward.explained, forward.log_scale))
 
     @cached_property
     def log_likelihood(self) -> Matrix:
@@ -183,21 +212,16 @@ class Smoothed:
             self.forward.vectors[-1, :, 0] + vector[-1][:, None],
         )
 
-    @cached_property
-    def _backward(self) -> tuple[Matrix, Matrix]:
-        """(T, m, m, K) and (T, m, K): what each result and those after it say of its state."""
+    def _both(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """(T, m, m, K) and (T, m, K): what the results before each say of its state, and what it and those
+        after it say."""
         information, vector = self.series.information()
-        steps = _step_variance(self.series, self.rates)[::-1], self.jumps[::-1]
-        backward = Filtered.of(information[::-1], vector[::-1, :, None], *steps)
-        return (
-            backward.precision[::-1] + information[..., None],
-            backward.vectors[::-1, :, 0] + vector[..., None],
-        )
-
-    def _some(self, rates: slice) -> Smoothed:
-        """For some of the rates."""
-        forward = Filtered(*(getattr(self.forward, field.name)[..., rates] for field in fields(Filtered)))
-        return replace(self, rates=self.rates[rates], forward=forward)
+        forward = filtered(self.series, self.rates, self.jumps, vector[:, :, None])
+        back = self.series.gaps[::-1], self.rates, self.jumps[::-1]
+        behind = Filtered.of(information[::-1], vector[::-1, :, None], *back, whole=True)
+        precision, weighted = behind.precision[::-1], behind.vectors[::-1, :, 0]
+        of_both = precision + information[..., None], weighted + vector[..., None]
+        return forward.precision, forward.vectors[:, :, 0], *of_both
 
     @property
     def mean(self) -> Matrix:
@@ -209,45 +233,46 @@ class Smoothed:
         """(K, T, m, m) of each state."""
         return self._states[1]
 
-    @cached_property
-    def _states(self) -> tuple[Matrix, Matrix]:
-        precision, weighted = self._backward
-        return _state(
-            np.moveaxis(self.forward.precision + precision, 0, 2),
-            np.moveaxis(self.forward.vectors[:, :, 0] + weighted, 0, 1),
-        )
-
-    @cached_property
+    @property
     def step_variance(self) -> Matrix:
         """(K, T - 1, m) of the change from one result to the next."""
-        information, _ = self.series.information()
-        known = np.moveaxis(self.forward.precision[:-1] + information[:-1, :, :, None], 0, 2)
+        return self._states[2]
+
+    @cached_property
+    def _states(self) -> tuple[Matrix, Matrix, Matrix]:
+        return self.states(slice(None))
+
+    def states(self, some: slice) -> tuple[Matrix, Matrix, Matrix]:
+        """Mean (K, t, m) and covariance (K, t, m, m) of some states that follow each other, and the variance
+        (K, t - 1, m) of the change from one to the next."""
+        before, vectors, behind, weighted = (one[some] for one in self._both())
+        mean, covariance = _state(np.moveaxis(before + behind, 0, 2), np.moveaxis(vectors + weighted, 0, 1))
+        information = self.series.information()[0][some]
+        known = np.moveaxis(before[:-1] + information[:-1, :, :, None], 0, 2)
         block, diagonal = known.copy(), np.arange(len(known))
-        step_precision = 1 / _step_variance(self.series, self.rates)
-        block[diagonal, diagonal] += np.moveaxis(np.where(self.jumps[:, :, None], 0.0, step_precision), 0, 1)
+        steps = _Steps.of(self.series.gaps, self.rates, self.jumps).of_all[some][: len(before) - 1]
+        block[diagonal, diagonal] += np.moveaxis(steps, 0, 1)
         left = _inverse(block)
         # x[t+1] - x[t] = (F + W)^-1 (F x[t+1] - what F y is).
         stay = _product(left, known)
-        covariance = np.moveaxis(self.covariance[:, 1:], (2, 3, 1, 0), (0, 1, 2, 3))
-        of_next = (_product(stay, covariance) * stay).sum(axis=1)
-        return np.moveaxis(left[diagonal, diagonal] + of_next, (0, 1, 2), (2, 1, 0))
+        of_next = np.moveaxis(covariance[:, 1:], (2, 3, 1, 0), (0, 1, 2, 3))
+        variance = left[diagonal, diagonal] + (_product(stay, of_next) * stay).sum(axis=1)
+        return mean, covariance, np.moveaxis(variance, (0, 1, 2), (2, 1, 0))
 
     def jumps_after(self, intervals: Sequence[int]) -> tuple[Matrix, Matrix]:
         """Of a jump of each offset in each of n intervals (number of the result before), K rates: the `score`
         (n, m, K), r / sqrt(N) of de Jong and Penzer (1998), standard normal if there is no jump, and the
         `power` (n, m, K), the information N about a jump, 0 where nothing is known of it."""
-        library = _library()
+        library, after = _library(), np.array(intervals, dtype=np.int64)
         if library is not None:
-            return _compiled_jumps(library, self, np.array(intervals, dtype=np.int64))
+            return _compiled_jumps(library, self, after)
         if len(self.rates) > _AT_ONCE:
-            starts = range(0, len(self.rates), _AT_ONCE)
-            parts = [self._some(slice(k, k + _AT_ONCE)).jumps_after(intervals) for k in starts]
-            scores, powers = zip(*parts, strict=True)
+            some = [self.rates[k : k + _AT_ONCE] for k in range(0, len(self.rates), _AT_ONCE)]
+            scores, powers = zip(*(replace(self, rates=r).jumps_after(intervals) for r in some), strict=True)
             return np.concatenate(scores, -1), np.concatenate(powers, -1)
-        at = [t + 1 for t in intervals]
-        (precision, weighted), forward = self._backward, self.forward
-        f, b = (np.moveaxis(one[at], 0, 2) for one in (forward.precision, precision))
-        v, u = (np.moveaxis(one[at], 0, 1) for one in (forward.vectors[:, :, 0], weighted))
+        before, vectors, behind, weighted = (one[after + 1] for one in self._both())
+        f, b = np.moveaxis(before, 0, 2), np.moveaxis(behind, 0, 2)
+        v, u = np.moveaxis(vectors, 0, 1), np.moveaxis(weighted, 0, 1)
         whole = _inverse(f + b)
         # N = (F^-1 + B^-1)^-1 = F (F + B)^-1 B: without a difference, of which rounding would leave nothing.
         power = np.maximum((_product(f, whole) * b).sum(axis=1), 0.0)
@@ -259,17 +284,59 @@ class Smoothed:
 def smooth(series: Series, rates: Matrix, jumps: Matrix) -> Smoothed:
     """The states for `rates` (K, m) per root year; `jumps` (T - 1, m) says where a jump is allowed."""
     vectors = series.information()[1][:, :, None]
-    return Smoothed(series, rates, jumps, filtered(series, rates, jumps, vectors))
+    return Smoothed(series, rates, jumps, filtered(series, rates, jumps, vectors, whole=False))
 
 
-def filtered(series: Series, rates: Matrix, jumps: Matrix, vectors: Matrix) -> Filtered:
+def filtered(
+    series: Series, rates: Matrix, jumps: Matrix, vectors: Matrix, *, whole: bool = True
+) -> Filtered:
     """What the results say of the states, for c columns in place of their values (T, m, c)."""
-    return Filtered.of(series.information()[0], vectors, _step_variance(series, rates), jumps)
+    return Filtered.of(series.information()[0], vectors, series.gaps, rates, jumps, whole=whole)
 
 
-def _step_variance(series: Series, rates: Matrix) -> Matrix:
-    """(T - 1, m, K) of the walk from one result to the next."""
-    return np.asarray(series.gaps[:, None, None] * rates.T**2)
+@dataclass(frozen=True, eq=False)
+class SeveralSeries:
+    """A series of the same offsets, their results one after the other: `added` (R, m, m + 1) information and
+    its product with the values, `per_gap` (R,) and `jumps` (R, m) of the step behind each, the last of a
+    series without meaning; `counts` (A,) results each."""
+
+    names: tuple[str, ...]
+    series: tuple[tuple[Series, Matrix], ...]
+    added: Matrix
+    per_gap: Matrix
+    jumps: Matrix
+    counts: Index
+
+    @staticmethod
+    def of(series: Sequence[tuple[Series, Matrix]]) -> SeveralSeries:
+        """Each with the jumps (T - 1, m) that are allowed in it."""
+        added = [
+            np.concatenate([one.information()[0], one.information()[1][:, :, None]], 2) for one, _ in series
+        ]
+        per_gap = [np.append(1 / one.gaps, 1.0) for one, _ in series]
+        jumps = [np.concatenate([allowed, np.ones_like(allowed[:1])]) for _, allowed in series]
+        both, per_gaps, allowed_in = map(np.concatenate, (added, per_gap, jumps))
+        counts = np.array([*map(len, added)])
+        return SeveralSeries(series[0][0].names, tuple(series), both, per_gaps, allowed_in, counts)
+
+    def log_likelihood(self, log_rates: Matrix) -> Matrix:
+        """(A, K) for the logarithms of rates (A, K, m), up to a constant."""
+        library, (arms, number, size) = _library(), log_rates.shape
+        if library is None:
+            each = zip(self.series, np.exp(log_rates), strict=True)
+            return np.array([smooth(one, rates, jumps).log_likelihood for (one, jumps), rates in each])
+        precision, result = np.exp(-2 * log_rates.swapaxes(1, 2), order="C"), np.empty((arms, number))
+        work = np.empty(((2 * size + 1) * (size + 1) + 1) * _LANES)
+        library.zb_likelihoods(
+            arms, size, number, *map(_at, (self.counts, self.added, self.per_gap, precision, self.jumps)),
+            *map(_at, (result, work)),
+        )  # fmt: skip
+        walks = np.logical_not(self.jumps)
+        begins = np.cumsum(self.counts) - self.counts
+        of_gaps = np.add.reduceat(walks.sum(axis=1) * np.log(self.per_gap), begins)
+        of_rates = np.add.reduceat(walks, begins, axis=0, dtype=float)
+        result -= (log_rates @ of_rates[:, :, None])[:, :, 0] - of_gaps[:, None] / 2
+        return result
 
 
 def _state(precision: Matrix, vector: Matrix) -> tuple[Matrix, Matrix]:
@@ -300,35 +367,27 @@ def _applied(matrices: Matrix, vectors: Matrix) -> Matrix:
     return np.asarray((matrices * vectors).sum(axis=1))
 
 
-def _filter(
-    added: Matrix, variance: Matrix, jumps: Matrix, kept: Matrix, explained: Matrix, totals: Matrix
-) -> None:
-    """The filter of `added` (T, m, m + c): `kept` (T, m, m + c, K) is what is known before each result,
-    `explained` (c, c, K) as of `Filtered`, `totals` (T, m, K) what each offset is eliminated with."""
-    count, size, wide, rates = kept.shape
-    library, columns = _library(), wide - size
-    if library is not None:
-        work = np.empty((count * size * wide + columns**2 + (size + 2) * wide) * _LANES)
-        arrays = (*map(np.ascontiguousarray, (added, variance, jumps)), kept, explained, totals, work)
-        library.zb_filter(count, size, columns, rates, *(array.ctypes.data for array in arrays))
-        return
-    steps = np.zeros((count, size, rates))
+def _filter(added: Matrix, steps: _Steps, kept: Matrix, explained: Matrix, factor: Matrix) -> None:
+    """The filter of `added` (T, m, m + c): `kept` (T or 1, m, m + c, K) is what is known before each result
+    or before the last, `explained` (c, c, K) as of `Filtered`, `factor` (K,) the logarithm of what all
+    offsets are eliminated with."""
+    size = kept.shape[1]
+    known = np.zeros(kept.shape[1:])
+    explained[...], factor[...] = 0.0, 0.0
     # Behind the last state a step that may be anything: with it the last state is eliminated, too.
-    np.divide(1.0, variance, out=steps[:-1], where=np.logical_not(jumps)[:, :, None])
-    pulled = np.empty((count, size, columns, rates))
-    known, outer = np.zeros(kept.shape[1:]), np.empty(kept.shape[1:])
-    for t, step in enumerate(steps):
-        kept[t] = known
+    for t, step in enumerate(np.concatenate([steps.of_all, np.zeros((1, size, len(factor)))])):
+        kept[t if len(kept) > 1 else 0] = known
         known += added[t][..., None]
         for j in range(size):
-            total = np.add(known[j, j], step[j], out=totals[t, j])
+            row = known[j].copy()
+            over = 1 / (row[j] + step[j])
             # The offset itself without the difference, of which rounding would leave nothing where the walk
             # is slow, or allowed to jump.
-            of_offset, row = known[j] * (step[j] / total), known[j] / np.sqrt(total)
-            pulled[t, j] = row[size:]
-            known -= np.multiply(row[:size, None], row, out=outer)
+            of_offset, part = row * (step[j] * over), row * over
+            factor -= np.log(over)
+            explained += part[size:, None] * row[size:]
+            known -= part[:size, None] * row
             known[j], known[:, j] = of_offset, of_offset[:size]
-    explained[...] = np.einsum("tjck,tjdk->cdk", pulled, pulled)
 
 
 def _compiled_jumps(library: ctypes.CDLL, smoothed: Smoothed, after: Index) -> tuple[Matrix, Matrix]:
@@ -338,14 +397,17 @@ def _compiled_jumps(library: ctypes.CDLL, smoothed: Smoothed, after: Index) -> t
     count, size = vector.shape
     added = np.concatenate([information, vector[:, :, None]], axis=2)
     score, power = np.empty((2, len(after), size, rates))
-    work = np.empty(((2 * count + 2) * size * (size + 1) + (size + 2) ** 2) * _LANES)
-    steps = _step_variance(series, smoothed.rates), smoothed.jumps
-    variance, jumps = map(np.ascontiguousarray, steps)
+    work = np.empty(((2 * count + 3) * size * (size + 1) + (size + 2) ** 2) * _LANES)
+    steps = _Steps.of(series.gaps, smoothed.rates, smoothed.jumps)
     library.zb_jumps(
-        count, size, rates, added.ctypes.data, variance.ctypes.data, jumps.ctypes.data, len(after),
-        after.ctypes.data, score.ctypes.data, power.ctypes.data, work.ctypes.data,
-    )  # fmt: skip
+        count, size, rates, _at(added), *steps.addresses, len(after), *map(_at, (after, score, power, work))
+    )
     return score, power
+
+
+def _at(array: Matrix) -> int:
+    """Where its numbers are; `array.ctypes.data` takes as long as some filters."""
+    return int(array.__array_interface__["data"][0])
 
 
 @cache
@@ -355,8 +417,9 @@ def _library() -> ctypes.CDLL | None:
         "smoother",
         lambda: LANES + _SOURCE.read_text(encoding="utf-8"),
         {
-            "zb_filter": [*([whole] * 4), *([pointer] * 7)],
-            "zb_jumps": [*([whole] * 3), *([pointer] * 3), whole, *([pointer] * 4)],
+            "zb_filter": [*([whole] * 4), *([pointer] * 4), whole, *([pointer] * 4)],
+            "zb_likelihoods": [*([whole] * 3), *([pointer] * 7)],
+            "zb_jumps": [*([whole] * 3), *([pointer] * 4), whole, *([pointer] * 4)],
         },
         make=True,
         flags=["-O2"],

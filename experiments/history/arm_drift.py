@@ -155,9 +155,9 @@ class ArmDrift:
             Rate(*drift.rate(name), drift.effective) if drift.determines_rate(name) else None,
         )
 
-    def at_last(self) -> ArmDrift:
-        """The same without the states before the last result (`Drift.at_last`), for many arms."""
-        return replace(self, drift=None if self.drift is None else self.drift.at_last())
+    def without_states(self) -> ArmDrift:
+        """As of `Drift`."""
+        return replace(self, drift=None if self.drift is None else self.drift.without_states())
 
 
 def arm_drift(

@@ -6,11 +6,10 @@ The answer of a single arm stays that of its own results: it does not depend on 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from datetime import datetime
 from functools import cached_property, partial
-from itertools import islice
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
@@ -121,33 +120,30 @@ class FleetDrift:
 
 
 def drift_of_each(
-    jobs: Iterable[ArmJob], number: int, tolerance_mm: float, tell: Callable[[str, float], None]
+    jobs: Sequence[ArmJob], tolerance_mm: float, tell: Callable[[str, float], None]
 ) -> list[ArmDrift]:
-    """The drift of each arm of so many (`arm_drift`), in the order given, with the states at the last result
-    alone; `tell` hears the share. By as many processes as there are cores, where there are many arms."""
-    work = partial(_at_last, tolerance_mm=tolerance_mm)
-    return _each(work, jobs, number, number, lambda share: tell("arms", share))
+    """The drift of each arm (`arm_drift`), in the order given; `tell` hears the share. By as many processes
+    as there are cores, where there are many arms."""
+    work = partial(_of_arm, tolerance_mm=tolerance_mm)
+    return _each(work, jobs, len(jobs), lambda share: tell("arms", share))
 
 
-def _at_last(job: ArmJob, tolerance_mm: float) -> ArmDrift:
-    return arm_drift(*job, tolerance_mm).at_last()
+def _of_arm(job: ArmJob, tolerance_mm: float) -> ArmDrift:
+    return arm_drift(*job, tolerance_mm)
 
 
 def _each(
-    work: Callable[[Any], Any],
-    jobs: Iterable[Any],
-    number: int,
-    arms: int,
-    tell: Callable[[float], None],
+    work: Callable[[Any], Any], jobs: Sequence[Any], arms: int, tell: Callable[[float], None]
 ) -> list[Any]:
-    """The answers to so many jobs about so many arms, in the order of the jobs: the same bytes by one process
-    as by several."""
-    waiting, answered = iter(jobs), dict[int, list[Any]]()
-    together = iter(lambda: tuple(islice(waiting, _TOGETHER if number == arms else 1)), ())
+    """The answers to jobs about so many arms, in the order of the jobs: the same bytes by one process as by
+    several."""
+    number, answered = len(jobs), dict[int, list[Any]]()
+    some = _TOGETHER if number == arms else 1
+    together = (jobs[k : k + some] for k in range(0, number, some))
     processes = None if arms >= _MANY else 1
     with closing(side_by_side(partial(_all_of, work), together, processes)) as answers:
-        for k, some in answers:
-            answered[k] = some
+        for k, of_some in answers:
+            answered[k] = of_some
             tell(sum(map(len, answered.values())) / number)
     return [answer for k in range(len(answered)) for answer in answered[k]]
 
@@ -168,14 +164,12 @@ def fleet_drift(
     members = [[drift for _, drift in by_model[model]] for model in models]
     several = len(counted) if len(models) > 1 else 0
     tell("models", 0.0)
-    rates_of_models = _each(
-        model_rates, members, len(members), several, lambda share: tell("models", share / 3)
-    )
+    rates_of_models = _each(model_rates, members, several, lambda share: tell("models", share / 3))
     rates: dict[str, ModelRates] = dict(zip(models, rates_of_models, strict=True))
     biases = instrument_biases(
         [MeasuredArm(drift, tuple(one.instrument for one in arm.used)) for arm, drift in counted],
         lambda work, jobs: _each(
-            work, jobs, len(jobs), len(jobs), lambda share: tell("instruments", (1 + 2 * share) / 3)
+            work, jobs, len(jobs), lambda share: tell("instruments", (1 + 2 * share) / 3)
         ),
     )
     biased = set(_biased_offsets(biases.biases))

@@ -123,7 +123,7 @@ def _write_fleet(
             tell(f"{number} of {len(arms)}", _OF_ARMS * number / len(arms) / (1 if few else 2))
             history = of(arm)
             rows.append(history.row)
-            drifts.append(history.arm.at_last())
+            drifts.append(history.arm.without_states())
             yield history
 
     def gravest() -> Iterator[ArmHistory]:
