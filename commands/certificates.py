@@ -55,7 +55,8 @@ def certify(
         today = datetime.now().astimezone().date()
         signing = private_key(private, _passphrase)
         by = write_certificate(folder, stored, result, signing, today, verification)
-    say(f"Certificate of {stored.run}, {stored.measured_at:%Y-%m-%d}, verdict {stored.verdict}: {folder}")
+    verdict = f"verdict {stored.verdict}{', simulated' * stored.simulated}"
+    say(f"Certificate of {stored.run}, {stored.measured_at:%Y-%m-%d}, {verdict}: {folder}")
     say(f"Signed by: {grouped(by)}")
 
 

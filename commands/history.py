@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
@@ -80,7 +81,7 @@ def add(
 ) -> None:
     """Add results, each once; runs are solved first. A bad file is named, and the others are added."""
     from ..experiments.history.store import add as add_entries
-    from ..experiments.history.store import arm_of
+    from ..experiments.history.store import result_of
     from ..experiments.history.stored_result import files_of, is_run, read_entry
 
     counts: dict[str, int] = dict.fromkeys(("added", "replaced", "already there", "refused"), 0)
@@ -96,14 +97,14 @@ def add(
         for (path, entry), outcome in zip(waiting, outcomes, strict=True):
             counts[outcome] += 1
             if outcome == "refused":
-                refuse(path, str(_other_result(path, entry, arm_of(history, entry.sha256))))
+                refuse(path, str(_other_result(path, entry, result_of(history, entry.sha256))))
         waiting.clear()
 
     with opened(options.db, create=True) as history:
         paths = list(files_of(files))
 
-        def held(sha256: str) -> tuple[str, str] | None:
-            return None if options.replace else arm_of(history, sha256)
+        def held(sha256: str) -> tuple[str, str, datetime | None] | None:
+            return None if options.replace else result_of(history, sha256)
 
         with progress("history") as tell:
             for number, path in enumerate(paths):
@@ -132,10 +133,10 @@ def add(
     raise typer.Exit(2 if failed or not paths else 0)
 
 
-def _other_result(path: Path, entry: Entry, held: tuple[str, str] | None) -> BadInput:
+def _other_result(path: Path, entry: Entry, held: tuple[str, str, datetime | None] | None) -> BadInput:
     run = f"run {entry.run}, SHA-256 {entry.sha256[:12]}…"
-    if held is not None and held != (entry.serial, entry.model):
-        serial, model = held
+    if held is not None and held[:2] != (entry.serial, entry.model):
+        serial, model, _ = held
         return BadInput(
             f"the history has this run under another arm: serial {serial}, {model}",
             found=f"{run}, for serial {entry.serial}, {entry.model}",
@@ -144,6 +145,8 @@ def _other_result(path: Path, entry: Entry, held: tuple[str, str] | None) -> Bad
             " history with --db, and add all results with their right --serial",
             file=path,
         )
+    if held is not None and held[2] is not None and held[2] != entry.measured_at:
+        run += f", of {held[2].isoformat()} (UTC) there, of {entry.measured_at.isoformat()} here"
     return BadInput(
         "the history has another result of the same run",
         found=run,

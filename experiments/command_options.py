@@ -90,9 +90,10 @@ class AddOptions:
     serial: Annotated[str | None, Option("Serial number of the arm, where a run states none.", app=False)] = (
         None
     )
-    when: Annotated[str | None, Option("Date of the measurements, where a run states none.", app=False)] = (
-        None
-    )
+    when: Annotated[
+        str | None,
+        Option("Date of the measurements, where a run states none, or their time on its day.", app=False),
+    ] = None
     replace: Annotated[bool, Option("Replace another result of the same run.")] = False
     seed: Seed = 0
 

@@ -270,14 +270,15 @@ def contradicted(verdict: Verdict, content: Message) -> bool:
     return verdict == "pass" and content.grade == "weak" and not content.may.enter
 
 
-def verdict_words(verdict: Verdict, content: Message | None) -> str:
-    """The verdict as lists say it: of a pass by which nothing is to be entered with that; `content` is None
-    where the result cannot be read."""
+def verdict_words(verdict: Verdict, content: Message | None, simulated: bool) -> str:
+    """The verdict as lists say it: of a pass by which nothing is to be entered with that, of a simulated run
+    as such; `content` is None where the result cannot be read."""
+    word = status_words(verdict)
     if verdict == "pass" and content is None:
-        return "pass, result unreadable"
-    if content is not None and contradicted(verdict, content):
-        return "pass, enter nothing"
-    return status_words(verdict)
+        word = "pass, result unreadable"
+    elif content is not None and contradicted(verdict, content):
+        word = "pass, enter nothing"
+    return said_word(word, simulated)
 
 
 def result_words(result: Result) -> str:

@@ -18,7 +18,8 @@ MEASURED = (
     (SERIAL, ("serial", "serial number", "robot serial", "robot serial number")),
 )
 AUTHORISED = "Authorised by"
-BAND = "Simulated: no robot was measured"  # above the verdict
+NOTHING_MEASURED = "no robot was measured"
+BAND = f"Simulated: {NOTHING_MEASURED}"  # above the verdict
 VERIFIES = "verifies"  # of a plan and its run: the calibration run that they test
 # What a certificate asks for besides (ISO/IEC 17025:2017, 7.8.2 and 7.8.4).
 CERTIFIED = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -16,10 +17,15 @@ from ...analysis.drift.smoother import Observation, series_of
 from ...analysis.row import ParameterRow
 from ...analysis.status import NOT_DESCRIBED
 from ...model.records import inline, internal, it, key, or_null, record
+from ...words.provenance import NOTHING_MEASURED
 from .stored_result import Event, Moment, StoredResult
 
 YEAR = timedelta(days=365.25)
 NOT_SOON = f"not within {HORIZON_YEARS:g} years"
+_AT_ONCE = (
+    "another result states the same time, so that their order is not known; zerobeam history add FILE --when"
+    " TIME --replace states the time of day"
+)
 FEW = 30  # rates: below, numbers that are integrals over them are coarse
 
 
@@ -120,6 +126,11 @@ class ArmDrift:
         return tuple(result.sha256 for result in self.used)
 
     @property
+    def simulated(self) -> bool:
+        """Whether no robot was measured."""
+        return any(result.simulated for result in self.used)
+
+    @property
     @key("at the last result; empty with fewer than two results")
     def offsets(self) -> tuple[DriftingOffset, ...]:
         return () if self.drift is None else tuple(map(self._now, self.drift.series.names))
@@ -166,19 +177,31 @@ def arm_drift(
     """The drift of an arm (serial number, model) by its results and events.
 
     What may have changed the arm since the last result that counts (collision, motor, mastering) makes the
-    next calibration due when it happened.
+    next calibration due when it happened. Results that state one time do not count: their order is not known.
+    Simulated ones count where no other is there.
     """
-    reasons = [_why_not(result) for result in results]
+    measured = any(not result.simulated for result in results)
+    reasons = [
+        f"simulated, and other results are not: {NOTHING_MEASURED}"
+        if measured and result.simulated
+        else _why_not(result)
+        for result in results
+    ]
     # Of measurements that two results are of, one counts: the one without those that were left out.
     again = {result.made_of for result, reason in zip(results, reasons, strict=True) if reason is None}
-    used: list[StoredResult] = []
-    left_out: list[LeftOut] = []
-    for result, reason in zip(results, reasons, strict=True):
-        why = reason or ("its run counts without some measurements" if result.sha256 in again else None)
-        if why is None:
-            used.append(result)
-        else:
-            left_out.append(LeftOut(result, why))
+    reasons = [
+        reason or ("its run counts without some measurements" if result.sha256 in again else None)
+        for result, reason in zip(results, reasons, strict=True)
+    ]
+    used = [result for result, reason in zip(results, reasons, strict=True) if reason is None]
+    at_once = Counter(result.measured_at for result in used)
+    last = used[-1].measured_at if used else None
+    used = [result for result in used if at_once[result.measured_at] == 1]
+    left_out = [
+        LeftOut(result, reason or _AT_ONCE)
+        for result, reason in zip(results, reasons, strict=True)
+        if reason is not None or at_once[result.measured_at] > 1
+    ]
     model, due, reason = None, None, "fewer than two results count"
     jumps: tuple[DatedJump, ...] = ()
     undecided: tuple[DatedUndecided, ...] = ()
@@ -204,7 +227,9 @@ def arm_drift(
         jumps = tuple(dated(DatedJump, change) for change in model.jumps)
         undecided = tuple(dated(DatedUndecided, change) for change in model.undecided)
         due, reason = _due(model, used[-1], tolerance_mm)
-    if used and (since := _since(events, used[-1].measured_at)):
+    if last is not None and at_once[last] > 1:
+        due, reason = None, "several results state the time of the last one: which is the last is not known"
+    if last is not None and (since := _since(events, last)):
         due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
     return ArmDrift(*arm, tuple(used), tuple(left_out), model, jumps, undecided, tolerance_mm, due, reason)
 

@@ -54,6 +54,7 @@ class ArmState:
     counted: Annotated[int, it("results that count")]
     last: Annotated[Moment | None, it("time of the last result")]
     verdict: Verdict | None
+    simulated: Annotated[bool, it("whether the last result is")] = False
     judged: Annotated[Message | None, internal]
     jumps: int
     undecided: Annotated[int, it("changes that may be a jump or drift")] = 0
@@ -145,6 +146,7 @@ class ArmHistory:
             counted=len(self.arm.used),
             last=None if last is None else last.measured_at,
             verdict=None if last is None else last.verdict,
+            simulated=last is not None and last.simulated,
             judged=self.judged[-1] if self.judged else None,
             jumps=len(self.arm.jumps),
             undecided=len(self.arm.undecided),

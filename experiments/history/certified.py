@@ -27,7 +27,6 @@ from ...words.provenance import (
     DATE,
     KEYS,
     by_plain_key,
-    is_simulated,
     provenance_entry,
     traced,
 )
@@ -174,6 +173,7 @@ class Certificate(CertifiedResult):
     issued: str
     offsets: tuple[CertifiedOffset, ...]
     k: Annotated[float, internal]
+    message: Annotated[Message, internal]
     result: Annotated[Result, inline("headline", "conformity", "misfit")]
     acceptance: Annotated[Verified | None, internal]
     fingerprint: Annotated[str, internal]
@@ -186,14 +186,9 @@ class Certificate(CertifiedResult):
     @property
     @key("as in the result; before them the action of its message, where nothing may be entered")
     def notes(self) -> tuple[str, ...]:
-        action = self._message.action.text
-        first = (action,) if action and not self._message.may.enter else ()
+        action = self.message.action.text
+        first = (action,) if action and not self.message.may.enter else ()
         return (*first, *(self.result.notes or ()))
-
-    @property
-    @key("whether the provenance says that the run was simulated")
-    def simulated(self) -> bool:
-        return is_simulated(self._provenance)
 
     @property
     @key("of the expanded uncertainties")
@@ -243,7 +238,7 @@ class Certificate(CertifiedResult):
     @property
     @key("once the values are entered; null where nothing may be entered")
     def expected(self) -> dict[str, TcpError | None]:
-        enter = self.result.enter if self._message.may.enter else None
+        enter = self.result.enter if self.message.may.enter else None
         return {"tcp": None if enter is None else enter.tcp_after}
 
     @property
@@ -278,10 +273,6 @@ class Certificate(CertifiedResult):
     @key("the version of zerobeam that wrote the certificate")
     def written_by(self) -> str:
         return versions()["zerobeam"]
-
-    @property
-    def _message(self) -> Message:
-        return read_message(self.result)
 
     @property
     def _provenance(self) -> dict[str, object]:
@@ -320,6 +311,7 @@ def certificate_of(
         identification="",
         issued=issued.isoformat(),
         k=k,
+        message=message,
         result=result,
         acceptance=acceptance,
         fingerprint=fingerprint,

@@ -155,7 +155,9 @@ def _all_of(work: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
 def fleet_drift(
     arms: Sequence[ArmDrift], tell: Callable[[str, float], None] = lambda stage, share: None
 ) -> FleetDrift:
-    """The drift of all these arms together; `tell` hears stages and the share of the whole."""
+    """The drift of all these arms together; `tell` hears stages and the share of the whole. Simulated arms
+    have a part in it where all are."""
+    arms = [arm for arm in arms if not arm.simulated] or arms
     counted = [(arm, arm.drift) for arm in arms if arm.drift is not None]
     by_model: dict[str, list[tuple[ArmDrift, Drift]]] = {}
     for arm, drift in counted:
@@ -288,9 +290,9 @@ class Fleet:
     arms: Annotated[
         tuple[ArmState, ...],
         it(
-            "a list of `serial`, `model`, `state`, `results`, `counted`, `last`, `verdict`, `grade`, "
-            "`jumps`, `undecided` (numbers), `clearest_jump` (`offset`, `before`, `p_value`, "
-            "`events`), `due` and `page`"
+            "a list of `serial`, `model`, `state`, `results`, `counted`, `last`, `verdict`, "
+            "`simulated`, `grade`, `jumps`, `undecided` (numbers), `clearest_jump` (`offset`, `before`, "
+            "`p_value`, `events`), `due` and `page`"
         ),
     ]
     asked: Annotated[datetime | None, internal]

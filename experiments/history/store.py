@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import zlib
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import GenericAlias
@@ -22,12 +22,13 @@ from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict
 from ...model.errors import BadInput
+from ...model.files.run import MADE_OF
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import read, to_json
 from ...words.message import read_message
-from ...words.provenance import made_of
+from ...words.provenance import SIMULATED, is_simulated, made_of
 from .database import Database, arm, document, event, result
-from .stored_result import DAMAGED, Arm, Entry, Event, StoredResult, What, entry_of, moment, parsed
+from .stored_result import DAMAGED, Arm, Entry, Event, StoredResult, What, entry_of, is_day, moment, parsed
 
 Outcome = Literal["added", "replaced", "already there", "refused"]
 
@@ -46,7 +47,9 @@ _IN_JSON: Any = {
     "sensitivity_mm2": tuple[tuple[_Number, ...], ...] | None,
 }
 _PLAIN_ROW: Any = GenericAlias(tuple, tuple(_PLAIN.values()))
-_SAME = ("serial", "model", "verdict")  # of two results that are one, besides their numbers
+_SAME = ("serial", "model", "verdict", "measured_at")  # of two results that are one, besides their numbers
+# As the database has it: where SQLAlchemy cannot read a date, no row of a query could be read.
+_AS_TEXT = sa.type_coerce(result.c.measured_at, sa.String).label("measured_at")
 _DIGITS = 1e-9  # to which numbers agree: another order of the same sums gives another 15th digit
 _VERDICT: Any = Verdict
 Values = dict[str, Any]  # of a row of a table, by its columns
@@ -55,9 +58,9 @@ Values = dict[str, Any]  # of a row of a table, by its columns
 def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -> list[Outcome]:
     """Add results in one transaction, each once by the hash of its run; what became of each.
 
-    `already there`: a result with the same verdict, and the same offsets to nine digits. `refused`: another
-    result of that run is there, made otherwise or for another arm; with `replace` this one takes its place,
-    unless it is of another arm. So is a row or a document mended that was damaged.
+    `already there`: a result with the same time and verdict, and the same offsets to nine digits. `refused`:
+    another result of that run is there, made otherwise, of another time or arm; with `replace` this one takes
+    its place, unless it is of another arm. So is a row or a document mended that was damaged.
     """
     outcomes: dict[int, Outcome] = {}
     first = {entry.sha256: entry for entry in reversed(entries)}
@@ -105,9 +108,15 @@ def _content(entry: Entry) -> bytes:
 
 def _held(connection: sa.Connection, sha256: str) -> Values | None:
     """What says which result a run has in the history; None where it has none."""
-    query = sa.select(*(result.c[name] for name in (*_SAME, "offsets", "without_prior")))
+    names = ("serial", "model", "verdict", "offsets", "without_prior")
+    query = sa.select(*(result.c[name] for name in names), _AS_TEXT)
     row = connection.execute(query.where(result.c.sha256 == sha256)).mappings().first()
-    return None if row is None else dict(row)
+    if row is None:
+        return None
+    try:
+        return {**row, "measured_at": _moment_of(row["measured_at"])}
+    except DAMAGED:
+        return {**row, "measured_at": None}
 
 
 def _is_same(one: Values, other: Values) -> bool:
@@ -146,11 +155,12 @@ def _without_numbers(value: Any, numbers: list[float]) -> Any:
     return value
 
 
-def arm_of(history: Database, sha256: str) -> tuple[str, str] | None:
-    """The arm that a run has a result of, by the hash of the run."""
+def result_of(history: Database, sha256: str) -> tuple[str, str, datetime | None] | None:
+    """Serial number and model of the arm that a run has a result of, by the hash of the run, and its time,
+    None where that is damaged."""
     with history.reading() as connection:
         held = _held(connection, sha256)
-    return None if held is None else (held["serial"], held["model"])
+    return None if held is None else (held["serial"], held["model"], held["measured_at"])
 
 
 def add_event(history: Database, happening: Event) -> bool:
@@ -219,13 +229,15 @@ def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
     try:
         times = _moment_of(row.first), _moment_of(row.last)
         verdict: Verdict = read(_VERDICT, json.dumps(row.verdict))
-        return Arm(*of, row.results, *times, verdict, row.sha256)
+        with history.reading() as connection:
+            simulated = is_simulated(_provenance(connection, row.sha256))
+        return Arm(*of, row.results, *times, verdict, row.sha256, simulated)
     except DAMAGED:
         stored = list(results(history, of[:2], damaged))
     if not stored:
         return Arm(*of, 0, None, None, None)
     first, newest = stored[0].measured_at, stored[-1]
-    return Arm(*of, len(stored), first, newest.measured_at, newest.verdict, newest.sha256)
+    return Arm(*of, len(stored), first, newest.measured_at, newest.verdict, newest.sha256, newest.simulated)
 
 
 def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[str, str]:
@@ -256,9 +268,7 @@ def results(
 ) -> Iterator[StoredResult]:
     """The results of an arm (serial number, model), or of all, in the order of arm and time: those of one arm
     at a time are in memory. `damaged` hears of those that cannot be read."""
-    # As the database has it: where SQLAlchemy cannot read a date, no row of the query could be read.
-    at = sa.type_coerce(result.c.measured_at, sa.String).label("measured_at")
-    query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), at)
+    query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), _AS_TEXT)
     query = query.order_by(result.c.measured_at, result.c.sha256)
     with history.reading() as connection:
         every = [of] if of is not None else []
@@ -268,12 +278,9 @@ def results(
         every.sort()  # a database sorts by rules of its own
         for serial, model in every:
             of_arm = connection.execute(query.where(result.c.serial == serial, result.c.model == model)).all()
-            at_once = Counter(row.measured_at for row in of_arm)
             for row in of_arm:
                 try:
-                    stored = _stored(row._asdict())
-                    if at_once[row.measured_at] > 1:
-                        stored = dataclasses.replace(stored, made_of=_made_of(connection, row.sha256))
+                    stored = _stored(row._asdict(), _provenance(connection, row.sha256))
                 except DAMAGED as error:
                     which = f"run {str(row.run)!r}, SHA-256 {str(row.sha256)[:_SHORT]}…"
                     damaged(_damage(history, (serial, model), f"the result of {which}", error, _ANEW))
@@ -281,20 +288,31 @@ def results(
                 yield stored
 
 
-def _made_of(connection: sa.Connection, sha256: str) -> str | None:
-    """The run of which a stored one has some measurements, by its document; None where that is damaged."""
+# What no row has of a provenance is read where the document has any of these: most have none.
+_TOLD_BY_DOCUMENT = re.compile(rf'"origin"\s*:\s*"{SIMULATED}"|"{MADE_OF}"')
+
+
+def _provenance(connection: sa.Connection, sha256: str) -> dict[str, object]:
+    """What its document says of a run's origin that no row has; nothing where that is damaged."""
     try:
-        return made_of(parsed(_text(connection, sha256) or "")["inputs"]["header"]["provenance"])
+        text = _text(connection, sha256) or ""
+        has_more = _TOLD_BY_DOCUMENT.search(text) is not None
+        return dict(parsed(text)["inputs"]["header"]["provenance"]) if has_more else {}
     except DAMAGED:
-        return None
+        return {}
 
 
-def _stored(row: Values) -> StoredResult:
+def _stored(row: Values, provenance: Mapping[str, object]) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
     plain: Any = read(_PLAIN_ROW, [row[name] for name in _PLAIN])
     in_json: Any = {name: read(kind, row[name]) for name, kind in _IN_JSON.items()}
-    at = _moment_of(row["measured_at"])
-    return StoredResult(**dict(zip(_PLAIN, plain, strict=True)), **in_json, measured_at=at)
+    return StoredResult(
+        **dict(zip(_PLAIN, plain, strict=True)),
+        **in_json,
+        measured_at=_moment_of(row["measured_at"]),
+        made_of=made_of(provenance),
+        simulated=is_simulated(provenance),
+    )
 
 
 def _moment_of(value: Any) -> datetime:
@@ -372,7 +390,7 @@ def choose(results: Sequence[StoredResult], run: str | None = None, date: str | 
     if run is not None:
         meant = [result for result in results if run and result.sha256.startswith(run.lower())]
     elif date is not None:
-        when, whole_day = moment(date), len(date) <= len("2026-03-31")
+        when, whole_day = moment(date), is_day(date)
         times = ((result, result.measured_at) for result in results)
         meant = [result for result, at in times if at == when or (whole_day and at.date() == when.date())]
     else:

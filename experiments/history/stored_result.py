@@ -36,9 +36,11 @@ from ...words.provenance import (
     by_plain_key,
     first_entry,
     instrument,
+    is_simulated,
     made_of,
     provenance_entry,
 )
+from ...words.wording import shown
 
 Moment = Annotated[
     datetime,
@@ -60,6 +62,7 @@ class Arm:
     last: datetime | None
     verdict: Verdict | None
     sha256: str | None = None  # of the run of the last result
+    simulated: bool = False  # the last result
 
 
 @record
@@ -94,6 +97,9 @@ class StoredResult:
     ] = field(default=None, kw_only=True)
     may: Annotated[May | None, it("`message.may` of the result: `enter`, `certify`, `export`"), if_any] = (
         field(default=None, kw_only=True)
+    )
+    simulated: Annotated[bool, it("whether its provenance says that it was simulated")] = field(
+        default=False, kw_only=True
     )
     # The SHA-256 of the run that this one is without some of its measurements, where both may be of one time.
     made_of: Annotated[str | None, internal] = field(default=None, kw_only=True, compare=False)
@@ -157,8 +163,8 @@ def parsed(text: str) -> Any:
 
 RESULT_FILE = "result.json"
 
-# The arm (serial number, model) whose result a run has already, by the hash of the run; None without one.
-Held = Callable[[str], tuple[str, str] | None]
+# Of the result that a run has already, by the hash of the run: serial number, model and time; None without.
+Held = Callable[[str], tuple[str, str, datetime | None] | None]
 
 
 @dataclass(frozen=True)
@@ -192,8 +198,8 @@ def read_entry(
     seed: int = 0,
 ) -> Entry | None:
     """The entry of a result file, or of a run solved as `analyse` does; `serial` and `when` where the
-    provenance states none. None for a run whose result is there: it is not solved again. BadInput says what
-    is wrong."""
+    provenance states none, `when` also where it states the day alone. None for a run whose result is there:
+    it is not solved again. BadInput says what is wrong: that the provenance states otherwise, too."""
     if is_run(path):
         from ...analysis.analyse import analyse
         from ...model.files.run import read_run
@@ -201,13 +207,39 @@ def read_entry(
         from ...words.sentences import to_json
 
         run = read_run(path)
-        number, _ = _origin(run.header.provenance, path, serial, when)
-        if held(run.sha256) == (number, run.robot.name):
+        number, at = _origin(run.header.provenance, path, serial, when)
+        _require_agreed(number, at, serial, when, path)
+        if held(run.sha256) == (number, run.robot.name, at):
             return None
         text = dumps(to_json(analyse(run, seed=seed).result))
     else:
         text = read_text(path, LARGEST_RECORDING)[0]
-    return entry_of(text, path, serial, when)
+    entry = entry_of(text, path, serial, when)
+    _require_agreed(entry.serial, entry.measured_at, serial, when, path)
+    return entry
+
+
+def _require_agreed(number: str, at: datetime, serial: str | None, when: str | None, path: Path) -> None:
+    """BadInput where the provenance states another arm or date than `serial` and `when`."""
+    for key, option, differs, value in (
+        ("serial", serial, serial is not None and shown(serial) != shown(number), number),
+        ("when", when, when is not None and not _agrees(when, at, path), f"{at.isoformat()} (UTC)"),
+    ):
+        if differs:
+            raise BadInput(
+                f"the run states another {'serial number' if key == 'serial' else 'date'} than --{key}",
+                found=f"provenance.{key} {value}, --{key} {option}",
+                allowed=f"--{key} where the provenance states none",
+                remedy=f"add it without --{key}; or, where the run is wrong, put provenance.{key} right in"
+                " the first line of a copy of the run, and add that one",
+                file=path,
+            )
+
+
+def _agrees(when: str, at: datetime, path: Path) -> bool:
+    """Whether a result of that time is of the time or the day `when`."""
+    time = moment(when, path)
+    return time == at or (is_day(when) and time.date() == at.date())
 
 
 def entry_of(text: str, path: Path, serial: str | None = None, when: str | None = None) -> Entry:
@@ -229,7 +261,8 @@ def entry_of(text: str, path: Path, serial: str | None = None, when: str | None 
 def _origin(
     provenance: Mapping[str, object], path: Path, serial: str | None, when: str | None
 ) -> tuple[str, datetime]:
-    """The serial number of the arm, and when it was measured; BadInput where either is not stated."""
+    """The serial number of the arm, and when it was measured: what the provenance states, else `serial` and
+    `when`, which may also state the time of day. BadInput where either is not stated."""
     plain = by_plain_key(provenance)
     entries = (
         (first_entry(plain, KEYS[SERIAL]) or serial, "serial number of the arm", "serial"),
@@ -244,7 +277,10 @@ def _origin(
                 file=path,
             )
     (arm, *_), (date, *_) = entries
-    return str(arm), moment(str(date), path)
+    at = moment(str(date), path)
+    if when is not None and is_day(str(date)) and (time := moment(when, path)).date() == at.date():
+        at = time
+    return str(arm), at
 
 
 def _entry(result: Result, text: str, serial: str, measured_at: datetime) -> Entry:
@@ -273,6 +309,7 @@ def _entry(result: Result, text: str, serial: str, measured_at: datetime) -> Ent
         document_sha256=hashlib.sha256(text.encode()).hexdigest(),
         text=text,
         made_of=made_of(inputs.provenance),
+        simulated=is_simulated(inputs.provenance),
     )
 
 
@@ -281,6 +318,11 @@ def _text(value: str) -> str:
     if "\ufffd" in value:
         raise ValueError(f"{value!r} is no text")
     return value
+
+
+def is_day(text: str) -> bool:
+    """Whether a date without a time of day is written."""
+    return len(text) <= len("2026-03-31")
 
 
 def moment(text: str, path: Path | None = None) -> datetime:

@@ -12,6 +12,8 @@ from ...experiments.history.arm_drift import FEW, LeftOut
 from ...experiments.history.arm_history import ArmHistory, State
 from ...experiments.history.stored_result import StoredResult
 from ...words import numbers
+from ...words.entries import said_word
+from ...words.provenance import BAND
 from ...words.wording import clipped, label, listed
 from ..style.blocks import (
     Block,
@@ -87,6 +89,7 @@ def arm_page(history: ArmHistory) -> Page:
         list(_notes(history)),
         list(_sections(history)),
         _facts(history),
+        band=BAND if arm.simulated else "",
     )
 
 
@@ -105,7 +108,8 @@ def headline(history: ArmHistory) -> Headline:
             f"{every}: {NOT_DESCRIBED}, so no offset of this arm is known, and"
             " there is no due date. The report of each result says what explains it best.",
         )
-    return Headline(state.role, state.word, f"{_why(history)}{due_sentence(arm)}")
+    role = "held" if arm.simulated else state.role
+    return Headline(role, said_word(state.word, arm.simulated), f"{_why(history)}{due_sentence(arm)}")
 
 
 def _why(history: ArmHistory) -> str:
@@ -230,7 +234,7 @@ def calibrations(history: ArmHistory) -> Table:
         list(zip(history.results, history.judged, strict=True))[: -_MOST_ROWS - 1 : -1],
         {
             "date": lambda row: day(row[0].measured_at),
-            "verdict": lambda row: verdict_cell(row[0].verdict, row[1]),
+            "verdict": lambda row: verdict_cell(row[0].verdict, row[1], row[0].simulated),
             "worst u": lambda row: _worst(row[0]),
             "instrument": lambda row: clipped(row[0].instrument, 24) or _NO_TEXT,
             "operator": lambda row: clipped(row[0].operator, 24) or _NO_TEXT,

@@ -31,7 +31,7 @@ from ...model.errors import BadInput
 from ...model.records import dumps, it, keys, read, record, to_json
 from ...words import numbers
 from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
-from ...words.entries import VERDICT_WORDS
+from ...words.entries import VERDICT_WORDS, said_word
 from ...words.geometry_words import factors_sentence, tolerances_words
 from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR, left_out
@@ -196,7 +196,7 @@ def certificate_page(certificate: Certificate) -> Page:
         f"No. {clipped(certificate.identification, 40)}, {item}",
         Verdict(
             certificate.grade or "held",
-            VERDICT_WORDS[certificate.verdict],
+            said_word(VERDICT_WORDS[certificate.verdict], certificate.simulated),
             sentence(with_labels(certificate.result.headline or "")),
         ),
         list(_notes(certificate)),

@@ -109,7 +109,9 @@ def _every(fleet: Fleet) -> Table:
             f"{row.counted} of {row.results}" if row.counted < row.results else str(row.results)
         ),
         "last": lambda row: date_or(row.last, _NO_TEXT),
-        "verdict": lambda row: _NO_TEXT if row.verdict is None else verdict_cell(row.verdict, row.judged),
+        "verdict": lambda row: (
+            _NO_TEXT if row.verdict is None else verdict_cell(row.verdict, row.judged, row.simulated)
+        ),
     }
     return table_by(caption, fleet.arms[:MOST_ROWS], columns, "lllrrrl")
 

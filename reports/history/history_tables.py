@@ -19,7 +19,9 @@ from ...experiments.history.fleet_drift import ArmWalk, ArmWalks, FleetDrift, In
 from ...experiments.history.stored_result import Arm, Event, StoredResult
 from ...model.records import one_line, to_json
 from ...words import numbers
+from ...words.entries import said_word
 from ...words.message import verdict_words
+from ...words.provenance import BAND
 from ...words.wording import capital, clipped, counted, label, listed, shown, status_words
 from ..style.blocks import Block, Cell, Columns, Paragraph, Table, table_by
 from ..style.palette import VERDICT_MARKS
@@ -51,7 +53,9 @@ def arms_table(arms: Sequence[Arm], judged: Sequence[Judged]) -> Table:
             "model": lambda row: clipped(row[0].model, 24),
             "results": lambda row: str(row[0].results),
             "last": lambda row: day(row[0].last),
-            "verdict": lambda row: _NONE if row[0].verdict is None else verdict_words(row[0].verdict, row[1]),
+            "verdict": lambda row: (
+                _NONE if row[0].verdict is None else verdict_words(row[0].verdict, row[1], row[0].simulated)
+            ),
         },
         "llrl",
         tone=lambda row: "" if row[0].verdict is None else _tone(row[1]),
@@ -65,7 +69,7 @@ def results_table(results: Sequence[StoredResult], judged: Sequence[Judged]) -> 
         list(zip(results, judged, strict=True)),
         {
             "date": lambda row: day(row[0].measured_at),
-            "verdict": lambda row: verdict_words(row[0].verdict, row[1]),
+            "verdict": lambda row: verdict_words(row[0].verdict, row[1], row[0].simulated),
             **{label(name): partial(_offset, name) for name in offset_names(results)},
         },
         "llr",
@@ -73,10 +77,10 @@ def results_table(results: Sequence[StoredResult], judged: Sequence[Judged]) -> 
     )
 
 
-def verdict_cell(verdict: Verdict, judged: Judged) -> Cell:
+def verdict_cell(verdict: Verdict, judged: Judged, simulated: bool) -> Cell:
     """The verdict of a stored result with its shape and colour, and what it is worth."""
     mark = "weak" if verdict == "pass" and _tone(judged) else VERDICT_MARKS[verdict]
-    return Cell(capital(verdict_words(verdict, judged)), mark=mark)
+    return Cell(capital(verdict_words(verdict, judged, simulated)), mark="held" if simulated else mark)
 
 
 def _tone(judged: Judged) -> str:
@@ -147,6 +151,7 @@ def offset_rows(results: Iterable[StoredResult]) -> Iterator[dict[str, object]]:
                 **{name: getattr(row, name) for name in ("unit", "status", "estimate", "std")},
                 "low95": low,
                 "high95": high,
+                "simulated": result.simulated,
             }
 
 
@@ -159,6 +164,8 @@ FEW_RATES = "Few drift rates explain these results: intervals and p-values are a
 
 def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
     """Jumps, the offsets now and how fast they walk, the due date, what does not count."""
+    if arm.simulated:
+        yield Paragraph(f"{BAND}.")
     if arm.drift is not None:
         yield from jumps_blocks(arm)
         yield from offsets_blocks(arm)
@@ -166,7 +173,7 @@ def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
             yield Paragraph(f"{FEW_RATES}.")
     yield Paragraph(f"{due_sentence(arm)} {counted(len(arm.used), 'result')} counted.")
     for left in arm.left_out:
-        yield Paragraph(f"Not counted: the result of {day(left.result.measured_at)}. {left.reason}.")
+        yield Paragraph(f"Not counted: the result of {day(left.result.measured_at)}: {left.reason}.")
 
 
 def due_sentence(arm: ArmDrift) -> str:
@@ -191,15 +198,18 @@ def arms_drift_table(arms: Sequence[ArmDrift]) -> Table:
         jump = min(arm.jumps, key=lambda jump: jump.p_value, default=None)
         return clearest_jump(jump, len(arm.undecided)) or _NONE
 
+    caption = "Drift of all arms"
+    if len({arm.simulated for arm in arms}) > 1:
+        caption += "; simulated ones have no part in what all say together"
     return table_by(
-        "Drift of all arms",
+        caption,
         arms,
         {
             "arm": lambda arm: clipped(arm.serial, 24),
             "model": lambda arm: clipped(arm.model, 20),
             "results": lambda arm: str(len(arm.used)),
             "clearest jump": clearest,
-            "due": lambda arm: date_or(arm.due),
+            "due": lambda arm: said_word(date_or(arm.due), arm.simulated),
         },
         "llrl",
         tone=lambda arm: "weak" if arm.jumps or arm.undecided else "",

@@ -197,7 +197,10 @@ def side_by_side(titles: Sequence[str], results: Sequence[Result]) -> Table:
         )
         for name in dict.fromkeys(name for by_name in rows for name in by_name)
     ]
-    verdicts = (verdict_words(result.verdict, message(result)) for result in results)
+    verdicts = (
+        verdict_words(result.verdict, message(result), is_simulated(result.inputs.provenance))
+        for result in results
+    )
     table.append(row_of("", *([""] if alike else []), *verdicts))
     columns = ["joint", *(["true"] if alike else []), *titles]
     return table_of("Offsets ± U (k = 2), degrees or mm", columns, table, "lr")

@@ -22,11 +22,11 @@ from zerobeam.experiments.history.database import Database, open_history
 from zerobeam.experiments.history.store import (
     add,
     add_event,
-    arm_of,
     arms,
     documents,
     events,
     find_arm,
+    result_of,
     results,
     whole_answer,
 )
@@ -64,7 +64,7 @@ def test_a_result_comes_back_as_it_was(history: Database, tmp_path: Path) -> Non
     ]
     ((sha256, text),) = documents(history, [answer["inputs"]["sha256"]])
     assert (sha256, json.loads(text)) == (answer["inputs"]["sha256"], answer)
-    assert arm_of(history, sha256) == ("A-1", "irb1600")
+    assert result_of(history, sha256) == ("A-1", "irb1600", found.measured_at)
 
 
 def test_a_result_is_added_once(history: Database, tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_measurements_that_two_results_are_of_count_once(history: Database, tmp_
     whole, later = a_result(when="2026-03-31"), a_result(when="2026-06-30")
     of = f"run.jsonl (SHA-256 {whole['inputs']['sha256']})"
     without = a_result(when="2026-03-31", **{LEFT_OUT: "4", MADE_OF: of})
-    same_day = a_result(when="2026-03-31", who="J. Doe")
+    same_day = a_result(when="2026-03-31T15:00", who="J. Doe")
     every = [entry(tmp_path, one) for one in (whole, without, same_day, later)]
     assert set(add(history, every)) == {"added"}
     arm = ("A-1", "irb1600")
@@ -139,6 +139,57 @@ def test_measurements_that_two_results_are_of_count_once(history: Database, tmp_
     assert [one.result.sha256 for one in drift.left_out] == [without["inputs"]["sha256"]]
     for stored in results(history, arm):
         assert whole_answer(history, stored).inputs.sha256 == stored.sha256
+
+
+def test_results_that_state_one_time_have_no_order(history: Database, tmp_path: Path) -> None:
+    """They were put in the order of the hashes of their runs, and a jump between two of one day was shown in
+    one of its two directions, with a due date."""
+    answers = [a_result(when="2025-01-15"), *(a_result(when="2025-03-01", who=who) for who in "ABCD")]
+    for number, answer in enumerate(answers):
+        answer["without_prior"]["values"][0] += 0.1 * number
+    add(history, [entry(tmp_path, answer) for answer in answers])
+    arm = ("A-1", "irb1600")
+    drift = arm_drift(arm, list(results(history, arm)), [], 0.5)
+    assert [one.measured_at.isoformat()[:10] for one in drift.used] == ["2025-01-15"]
+    assert len(drift.left_out) == 4
+    assert all("their order is not known" in one.reason for one in drift.left_out)
+    assert (drift.jumps, drift.undecided, drift.due) == ((), (), None)
+    assert "which is the last is not known" in drift.due_reason
+    # What the reason says to do: the time of day is stated when they are added again.
+    dated = [
+        entry(tmp_path, answer, when=f"2025-03-01T{8 + hour:02}:00")
+        for hour, answer in enumerate(answers[1:])
+    ]
+    assert add(history, dated) == ["refused"] * 4
+    assert add(history, dated, replace=True) == ["replaced"] * 4
+    drift = arm_drift(arm, list(results(history, arm)), [], 0.5)
+    assert [one.sha256 for one in drift.used] == [answer["inputs"]["sha256"] for answer in answers]
+    for stored in results(history, arm):
+        assert whole_answer(history, stored).inputs.sha256 == stored.sha256
+
+
+@pytest.mark.parametrize(
+    ("stated", "how", "told"),
+    [
+        ("2026-01-31", {"serial": "OTHER"}, "another serial number than --serial"),
+        ("2026-01-31", {"when": "2019-01-01"}, "another date than --when"),
+        ("2026-01-31T08:00", {"when": "2026-01-31T09:00"}, "another date than --when"),
+        ("2026-01-31T08:00", {"when": "2026-01-31"}, None),
+        ("2026-01-31", {"serial": "A-1", "when": "2026-01-31T00:00:00Z"}, None),
+    ],
+)
+def test_what_a_run_states_is_not_stated_otherwise(
+    tmp_path: Path, stated: str, how: dict[str, str], told: str | None
+) -> None:
+    """--serial and --when were ignored, where the run states them, without a word."""
+    if told is None:
+        assert entry(tmp_path, a_result(when=stated), **how).measured_at.isoformat()[:16] in (
+            "2026-01-31T00:00",
+            "2026-01-31T08:00",
+        )
+        return
+    with pytest.raises(BadInput, match=f"{told}[\\s\\S]*(OTHER|2019|09:00)"):
+        entry(tmp_path, a_result(when=stated), **how)
 
 
 def test_the_results_of_an_arm_are_in_the_order_of_time(history: Database, tmp_path: Path) -> None:

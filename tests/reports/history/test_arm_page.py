@@ -18,11 +18,13 @@ from matplotlib.dates import date2num
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.experiments.history.arm_history import ArmHistory
-from zerobeam.reports.history.arm_page import arm_page, headline
+from zerobeam.experiments.history.fleet_drift import fleet_drift
+from zerobeam.reports.history.arm_page import arm_page, calibrations, headline
 from zerobeam.reports.history.history_folder import arm_document, safe_name, write_arm, write_fleet
+from zerobeam.reports.history.history_tables import arms_drift_table, drift_blocks, results_table
 from zerobeam.reports.history.trend_figure import _dates, offset_panel, trend_pictures
 from zerobeam.reports.output.html import html
-from zerobeam.reports.style.blocks import Table
+from zerobeam.reports.style.blocks import Paragraph, Table
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.reports.style.palette import light
 from zerobeam.words import numbers
@@ -59,6 +61,31 @@ def test_what_is_assumed_is_not_shown_as_measured() -> None:
     assert "J6 (δ6): assumed. What was assumed is the same in every result" in shown(own).words
     band = light("assumed")
     assert f"fill: {band}; fill-opacity" in pictures(own)["trend"].svg
+
+
+def test_simulated_results_are_said_to_be_and_count_where_no_other_is() -> None:
+    """list, show, drift, the page of an arm and the certificate's headline said a plain pass."""
+    results = tuple(replace(one, simulated=True) for one in over_years(3))
+    own = arm_history(results)
+    page = arm_page(own)
+    assert page.band == "Simulated: no robot was measured"
+    assert (page.verdict.key, page.verdict.word) == ("held", "Simulated: on schedule")
+    verdicts = [one.cells[1].text for one in calibrations(own).rows]
+    assert verdicts == ["Simulated: pass"] * 3
+    assert next(iter(drift_blocks(own.arm))) == Paragraph("Simulated: no robot was measured.")
+    assert "Simulated: pass" in str(results_table(results, own.judged))
+    assert "Simulated: " in str(arms_drift_table([own.arm]).rows)
+    assert arm_document(own)["results"][0]["simulated"] is True
+    # In the history of an arm that was measured they have no part in its drift.
+    mixed = arm_history((*results[:2], *over_years(4)[2:]))
+    assert [one.simulated for one in mixed.arm.used] == [False, False]
+    assert [one.reason for one in mixed.arm.left_out] == [
+        "simulated, and other results are not: no robot was measured"
+    ] * 2
+    assert "Simulated" not in headline(mixed).word
+    other = arm_history(over_years(3, serial="A-2"))
+    together = fleet_drift([own.arm, other.arm])
+    assert [one.serial for one in together.arms] == ["A-2"]
 
 
 @pytest.mark.parametrize(("offset", "said"), [(-1, True), (0, False)])
@@ -313,9 +340,7 @@ def test_names_of_folders_differ_where_arms_do() -> None:
 
 
 @pytest.mark.long
-def test_dates_at_the_edges_of_the_calendar_and_results_at_one_time() -> None:
-    early = over_years(2, every=timedelta(0))
-    assert points(pictures(arm_history(early))["trend"].svg) == 2 * 5
+def test_dates_at_the_edges_of_the_calendar() -> None:
     for first in (datetime(1, 1, 1), datetime(9990, 1, 1)):
         moved = tuple(
             one.__class__(**{**one.__dict__, "measured_at": first + timedelta(days=400 * t)})

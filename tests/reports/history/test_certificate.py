@@ -429,6 +429,7 @@ def test_what_the_result_found_and_a_simulation_are_on_the_first_page(tmp_path: 
     answer["notes"] = ["Outlying: measurement 3; delta4 hangs on it"]
     found = certificate(only(kept(tmp_path, answer)), answer)
     assert found.simulated
+    assert certificate_page(found).verdict.word == "Simulated: pass"
     notes = certificate_page(found).notes
     assert notes[0].startswith("These measurements were simulated")
     assert notes[1].startswith("Enter nothing: no robot was measured")
