@@ -106,7 +106,7 @@ def run(
     if answer.missing and not json_lines:
         _say_how_to_go_on(plan, file, options)
     done = 0 if answer.verifies else EXIT_STATUS[answer.verdict]  # a test is judged by zerobeam verify
-    raise typer.Exit(1 if answer.missing else done)
+    raise typer.Exit(1 if answer.missing or not answer.conforms else done)
 
 
 def _say_how_to_go_on(plan: Path, file: Path, options: RunOptions) -> None:

@@ -20,6 +20,7 @@ from .shared_options import Cluster, Full, Json, Picture, PlanFile, RunFile
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis
     from ..analysis.answer.result import Result
+    from ..analysis.observability.check import Check
     from ..model.files.run import Run
 
 
@@ -72,7 +73,7 @@ def check(plan: PlanFile, as_json: Json = False, full: Full = False, picture: Pi
         write_plan_page(picture, turned, checked)
     typed = replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix()))
     show_answer(as_json, checked, lambda: check_page(typed, full=full), picture=picture)
-    raise typer.Exit(EXIT_STATUS[checked.verdict])
+    raise typer.Exit(exit_status_of_plan(checked))
 
 
 def analyse(
@@ -219,16 +220,22 @@ def _held_out(values: list[str]) -> list[str] | Run:
     return read_run(files[0])
 
 
+def exit_status_of_plan(check: Check) -> int:
+    """By its verdict; 1 too where what is required is predicted not to be met."""
+    short = check.outlook is not None and check.outlook.falls_short
+    return max(EXIT_STATUS[check.verdict], int(short))
+
+
 def exit_status_of(analysis: Analysis) -> int:
     """By its verdict; 1 too for a run that does not predict the one that was held out, and for a robot that
     does not meet, or may not meet, what is required of it."""
     from ..analysis.answer.findings import prediction_failed
+    from ..analysis.diagnostics.values_to_enter import conforms
 
     if not analysis.converged:
         return FAULT
-    conformity = analysis.result.conformity
     failed = prediction_failed(analysis.result.findings) is not None
-    failed |= conformity is not None and conformity.decision != "conforms"
+    failed |= not conforms(analysis.result.conformity)
     return max(EXIT_STATUS[analysis.verdict], int(failed))
 
 

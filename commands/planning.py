@@ -11,7 +11,8 @@ from ..experiments.command_options import VerifyOptions
 from ..experiments.plans.plan_options import PlanOptions
 from ..model.errors import BadInput
 from ..model.options import Option, argument, options_of
-from .console import EXIT_STATUS, progress, show_answer
+from .console import progress, show_answer
+from .judging import exit_status_of_plan
 from .shared_options import Cluster, Force, Full, Json, Picture, RunFile
 
 PlanKind = Literal["x", "y", "optimal", "verify"]
@@ -83,7 +84,7 @@ def plan(
     picture = None if made.file is None else picture
     show_answer(as_json, made, lambda: proposal_page(made, full=full), plan=made.file, picture=picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
-    raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
+    raise typer.Exit(1 if made.checked is None else exit_status_of_plan(made.checked))
 
 
 def _require_of_kind(context: typer.Context, kind: PlanKind, options: PlanOptions) -> None:

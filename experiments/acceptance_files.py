@@ -20,7 +20,7 @@ from ..analysis.acceptance.acceptance import (
     measured_error,
 )
 from ..analysis.diagnostics.predicted_run import recorded_problem
-from ..analysis.diagnostics.values_to_enter import values_to_enter
+from ..analysis.diagnostics.values_to_enter import Conformity, judged, values_to_enter
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.prediction import Predictor
 from ..analysis.solution import Solution
@@ -111,6 +111,7 @@ class Verified(AcceptanceResult):
     measured: MeasuredError
     calibration: RunOfTest
     run: RunOfTest
+    conformity: Annotated[Conformity | None, internal] = None
 
 
 def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
@@ -125,8 +126,14 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
         prediction = AcceptancePrediction(Predictor.of(solution), recorded, entered)
         answer = accept(prediction, solution, _tolerances(run.header, tolerance))
         measured = measured_error(solution, recorded, entered)
+        required = run.header.required
+        conformity = None if required is None else judged(solution, required)
     return Verified(
-        **vars(answer), measured=measured, calibration=RunOfTest.of(run), run=RunOfTest.of(verified)
+        **vars(answer),
+        measured=measured,
+        calibration=RunOfTest.of(run),
+        run=RunOfTest.of(verified),
+        conformity=conformity,
     )
 
 

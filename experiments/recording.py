@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..analysis.diagnostics.values_to_enter import conforms
 from ..analysis.observability.aim import aim_plan
 from ..model.errors import BadInput, RigFault, located
 from ..model.files.header import Header
@@ -19,7 +20,8 @@ from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..model.options import USUAL_REPEATS
-from ..words.message import acceptance_plan_message, headline_so_far, message_so_far
+from ..words.case import RunCase
+from ..words.message import acceptance_plan_message, headline_so_far, message_of_run
 from ..words.plan_catalogue import violation_words
 from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.wording import listed
@@ -427,8 +429,10 @@ def _answer(
     if result.missing:
         incomplete = f"Not complete: {missing_words(result.missing)}. "
     verifies = header.provenance.get(VERIFIES)
+    met = True
     if verifies is None:
-        summary, headline = message_so_far(state, file.as_posix(), header), headline_so_far(state)
+        case = RunCase.so_far(state, file.as_posix(), header.model_dump(mode="json"))
+        summary, headline, met = message_of_run(case), headline_so_far(state), conforms(case.conformity)
     else:
         summary = acceptance_plan_message(len(result.shots), str(verifies), file.as_posix())
         headline = summary.verdict
@@ -452,4 +456,5 @@ def _answer(
         coverage_factor=state.coverage_factor,
         verifies=None if verifies is None else str(verifies),
         tolerance=state.offset_tolerance,
+        conforms=met,
     )

@@ -16,7 +16,9 @@ from ..analysis.acceptance.acceptance import (
     Mistake,
     MistakeKind,
 )
+from ..analysis.diagnostics.values_to_enter import Conformity
 from . import numbers
+from .enter import met_words
 from .numbers import percent
 from .wording import counted, label, listed
 
@@ -30,7 +32,9 @@ RULE = (
 CONTROLLERS_MODEL = (
     "Each error is the residual of a measurement by the controller’s model: nominal geometry, joints as the"
     " controller reads them. Targets, and instruments without one, are where the measurements of that time"
-    " fit best, so that their places may have changed."
+    " fit best, so that their places may have changed. The error as left holds what the calibration predicts"
+    " of links that deviate: the test judges the residuals beyond that. It is an error at the target, not at"
+    " the TCP."
 )
 _ENTERED: dict[MistakeKind, str] = {
     "not entered": "left at the old value",
@@ -136,6 +140,11 @@ def measured_sentence(measured: MeasuredError) -> str:
         f"{numbers.significant(measured.before.rms_mm, 2, 'mm')} rms ({_worst(measured.before.worst_mm)})"
     )
     return f"Measured error: {before} as found, {left} as left; {of_noise}."
+
+
+def not_judged_sentence(conformity: Conformity) -> str:
+    """Whether the robot meets what is required of it, which this test does not say."""
+    return f"This test does not judge the error of the TCP; the calibration does: {met_words(conformity)}."
 
 
 def _worst(worst_mm: float) -> str:

@@ -24,6 +24,7 @@ from ..analysis.answer.findings import (
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation, undecided
 from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.diagnostics.values_to_enter import conforms
 from ..analysis.misfit import (
     BeyondPrior,
     ExactDoubted,
@@ -357,8 +358,8 @@ def _import_calibration(nominal: object, case: RunCase) -> str:
 
 
 def _export(finding: object, case: RunCase) -> str:
-    text, conformity = export_sentence(case.vendor), case.conformity
-    if conformity is None or conformity.decision == "conforms":
+    text = export_sentence(case.vendor)
+    if conforms(case.conformity):
         return text
     values = "values are" if taken_by(case.vendor) == "offsets" else "offsets alone are"
     return f"{text} The {values} not enough for the requirement: do not release the robot with them."
@@ -583,7 +584,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         "a requirement that may not be met",  # the verdict says it
         "note",
         colour="weak",
-        found=if_(lambda case: case.conformity is not None and case.conformity.decision != "conforms"),
+        found=if_(lambda case: not conforms(case.conformity)),
     ),
     FindingEntry("the error to expect", "note", place="before the cause", found=_expected),
     FindingEntry("conditions of a pass", "note", holds_if("This"), place="cause", found=_conditions),

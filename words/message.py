@@ -137,12 +137,12 @@ def message(answer: Result | Check) -> Message:
     case = RunCase.of_result(answer)
     k, header = answer.coverage_factor, answer.inputs.header
     basis = basis_lines(answer.taken_as_known, header, k, person, effects=case.sound)
-    return replace(_of_run(case), basis=basis)
+    return replace(message_of_run(case), basis=basis)
 
 
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
     """The same while the measurements of a run, a file of that name, are being made."""
-    return _of_run(RunCase.so_far(solution, run, header.model_dump(mode="json")))
+    return message_of_run(RunCase.so_far(solution, run, header.model_dump(mode="json")))
 
 
 def acceptance_plan_message(measurements: int, calibration: str, run: str) -> Message:
@@ -181,7 +181,8 @@ def headline_so_far(solution: Solution, name: Namer = str) -> str:
     return headline(solution, name)
 
 
-def _of_run(case: RunCase) -> Message:
+def message_of_run(case: RunCase) -> Message:
+    """The message of a run: of its result, or of the fit that there is so far."""
     rows = [row for row in case.offsets if row.status != "assumed"] if case.sound else []
     k = case.k
 

@@ -161,14 +161,58 @@ def _required(outlook: Outlook) -> list[str]:
     if outlook.required_mm is None or outlook.reachable is None:
         return []
     required = numbers.exact(outlook.required_mm, "mm")
-    if not outlook.reachable:
+    reaching = within_reach(outlook)
+    if reaching is None:
         return [f"None of these remedies reaches the required {required} (95 %)."]
-    if outlook.now.tcp_95_mm is not None and outlook.now.tcp_95_mm <= outlook.required_mm:
+    if not outlook.falls_short and outlook.now.tcp_95_mm is not None:
         return []  # whether the answer as it is meets it is judged of this arm
-    rows = sorted((outlook.now, *outlook.remedies), key=lambda row: (row.shots, row.minutes))
+    return [f"The required {required} (95 %) is within reach: {reaching.text}."]
+
+
+class Reaching(NamedTuple):
+    """What meets the requirement, without a full stop, and the remedy."""
+
+    text: str
+    row: OutlookRow
+
+
+def within_reach(outlook: Outlook) -> Reaching | None:
+    """What reaches what is required with the fewest measurements, by offsets alone before with the links
+    entered too; None where nothing does."""
+    most = outlook.required_mm or 0.0
+    every = (outlook.now, *outlook.remedies)  # of another instrument last
+    rows = sorted(every, key=lambda row: (row.remedy == "points", row.shots, row.minutes))
     for row in rows:
-        if row.tcp_95_mm is not None and row.tcp_95_mm <= outlook.required_mm:
-            return [f"The required {required} (95 %) is within reach: {_remedy(row)}."]
-    row = next(r for r in rows if r.links_95_mm is not None and r.links_95_mm <= outlook.required_mm)
-    first = "" if row.remedy in ("none", "links") else f"{_remedy(row)}, and "
-    return [f"The required {required} (95 %) is within reach: {first}the links entered as well."]
+        if row.tcp_95_mm is not None and row.tcp_95_mm <= most:
+            return Reaching(_remedy(row), row)
+    for row in rows:
+        if row.links_95_mm is not None and row.links_95_mm <= most:
+            first = "" if row.remedy in ("none", "links") else f"{_remedy(row)}, and "
+            return Reaching(f"{first}the links entered as well", row)
+    return None
+
+
+def short_sentence(outlook: Outlook) -> str:
+    """By how much the answer as it is falls short of what is required."""
+    now, required = outlook.now.tcp_95_mm or 0.0, outlook.required_mm or 0.0
+    return (
+        f"as predicted the TCP is off by up to {numbers.significant(now, 2, 'mm')} in 95 % of the postures"
+        f" {region_words(outlook.region)}, with the values entered: more than the required"
+        f" {numbers.exact(required, 'mm')}"
+    )
+
+
+def required_remedy(outlook: Outlook) -> str:
+    """What to do where it falls short, as an imperative without a full stop."""
+    required = numbers.exact(outlook.required_mm or 0.0, "mm")
+    if (reaching := within_reach(outlook)) is not None:
+        if reaching.row.remedy in ("none", "links"):
+            return f"Have the links entered as well as the offsets: {required} is then within reach"
+        return f"Do not measure by this plan: the required {required} is within reach by {reaching.text}"
+    rows = (outlook.now, *outlook.remedies)
+    errors = [error for row in rows for error in (row.tcp_95_mm, row.links_95_mm) if error is not None]
+    best = numbers.significant(min(errors), 2, "mm")
+    return (
+        f"Do not measure by this plan for {required}: no remedy reaches it, the best leaves {best} (95 %)."
+        " Lower the noise, or state in `required` what is enough"
+    )

@@ -21,7 +21,7 @@ from ..analysis.observability.check import (
     Unreachable,
     Violation,
 )
-from ..analysis.observability.outlook import COVERAGE
+from ..analysis.observability.outlook import COVERAGE, Outlook
 from ..analysis.status import Status
 from ..model.instruments.kind import Assumption
 from . import numbers
@@ -53,7 +53,14 @@ from .observability import (
     remaining,
     stating,
 )
-from .outlook_words import BetterPostures, better_postures, plan_command
+from .outlook_words import (
+    BetterPostures,
+    better_postures,
+    plan_command,
+    required_remedy,
+    short_sentence,
+    within_reach,
+)
 from .trust import verdict_sentence
 from .wording import WEAK, Namer, capital, counted, ended, listed, person, sentence
 
@@ -204,6 +211,16 @@ def _assumed_in(check: Check) -> Iterator[tuple[Assumption, ...]]:
         yield from assumed_of(rows)[:1]
 
 
+def _short_of_required(check: Check) -> Iterator[Outlook]:
+    if check.outlook is not None and check.outlook.falls_short:
+        yield check.outlook
+
+
+def _required_planned(outlook: Outlook, check: Check) -> str | None:
+    reaching = within_reach(outlook)
+    return None if reaching is None else plan_command(planned_anew(check), reaching.row)
+
+
 PLAN: tuple[FindingEntry[Check], ...] = (
     FindingEntry(
         "a broken constraint",
@@ -253,6 +270,15 @@ PLAN: tuple[FindingEntry[Check], ...] = (
         found=if_(lambda check: not estimated(check)),
     ),
     FindingEntry(
+        "a requirement that is not met",
+        "doubt",
+        lambda outlook, check: short_sentence(outlook),
+        lambda outlook, check: required_remedy(outlook),
+        _required_planned,
+        colour="weak",
+        found=_short_of_required,
+    ),
+    FindingEntry(
         "conditions of a pass",
         "note",
         holds_if("a pass of such a run"),
@@ -291,6 +317,8 @@ def plan_message(check: Check) -> Message:
         return f"U {u} ({numbers.coverage(COVERAGE)})"
 
     word = f"{VERDICT_WORDS[check.verdict]}{f'. {_broken(check)}' if check.violations else ''}"
+    for outlook in _short_of_required(check) if check.verdict == "pass" else ():
+        word += f"; predicted not to meet the required {numbers.exact(outlook.required_mm or 0.0, 'mm')}"
     rows = estimated(check)
     verdict = verdict_sentence(word, check.verdict, rows, COVERAGE)
     known_rows = [row for row in rows if row.status != "assumed"]

@@ -218,6 +218,11 @@ def _statuses(solution: Solution, u: Mapping[str, float]) -> dict[str, Status]:
     return {name: "identified" if u[name] <= tolerance[name] else "weak" for name in u}
 
 
+def conforms(conformity: Conformity | None) -> bool:
+    """Whether what is required is met; of a robot of which nothing is required, too."""
+    return conformity is None or conformity.decision == "conforms"
+
+
 def judged(solution: Solution, required: StatedRequirement) -> Conformity | None:
     """Whether the robot with the values meets what is required; None where nothing can be promised."""
     return entered(solution, required)[2]

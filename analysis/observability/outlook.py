@@ -227,6 +227,12 @@ class Outlook:
         return min(known_errors) <= self.required_mm
 
     @property
+    def falls_short(self) -> bool:
+        """Whether the answer as it is does not meet what is required, as predicted."""
+        now = self.now.tcp_95_mm
+        return self.required_mm is not None and now is not None and now > self.required_mm
+
+    @property
     def by_postures(self) -> tuple[OutlookRow, ...]:
         """The remedies that are other postures, the fewest measurements first."""
         rows = (row for row in self.remedies if row.remedy in ("postures", "more"))

@@ -10,7 +10,7 @@ from ...analysis.answer.answer_message import Message
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
-from ...model.records import if_any, record
+from ...model.records import if_any, internal, record
 from ...words.sentences import to_json
 from .rig import RefusalReason, RefusedPosture
 
@@ -250,7 +250,7 @@ class Ended(RunEvent):
     phase. `coverage_factor` is k of every expanded uncertainty. `geometry` says what the offsets are worth if
     the arm deviates from what was taken. `true` has the true offsets (deg; mm) of a simulated run by name.
     `verifies` names the calibration run that the plan tests; None of any other plan. `tolerance` is up to
-    which std an offset counts as identified.
+    which std an offset counts as identified. `conforms`: the robot meets what is required of it.
     """
 
     event: ClassVar[str] = "end"
@@ -273,6 +273,7 @@ class Ended(RunEvent):
     coverage_factor: float = 2.0
     verifies: str | None = None
     tolerance: Mapping[str, float] = field(default_factory=dict)
+    conforms: Annotated[bool, internal] = True
 
 
 Listener = Callable[[RunEvent], None]

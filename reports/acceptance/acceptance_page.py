@@ -29,6 +29,7 @@ from ...words.acceptance_words import (
     measured_sentence,
     mistake_sentence,
     narrow_sentence,
+    not_judged_sentence,
     noticed_sentence,
     probability_words,
 )
@@ -102,6 +103,8 @@ def _notes(verified: Verified) -> Iterator[str]:
     runs = (verified.calibration, verified.run)
     if any(by_plain_key(run.provenance).get("origin") == SIMULATED for run in runs):
         yield "These measurements were simulated: no robot was verified."
+    if verified.conformity is not None:
+        yield not_judged_sentence(verified.conformity)
 
 
 def _entry(run: RunOfTest, name: str) -> str:

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pypdf
 import pytest
+from cells import good_plan
 from command_line import Answer, zerobeam
 from exact_runs import demo_runs
 from pages import Page, assert_fetches_nothing
 from scipy import stats
 
-from zerobeam.model.files.plan import read_plan
+from zerobeam.model.files.plan import read_plan, write_plan
 from zerobeam.model.files.run import read_run
 from zerobeam.words.provenance import true_values
 
@@ -43,6 +44,27 @@ def rehearsed(plan, tmp_path, offsets):
     assert f"zerobeam verify {GOOD.name} {new}" in " ".join(answer.out.replace("\\\n", " ").split())
     assert "Enter nothing" not in answer.out
     return zerobeam("verify", GOOD, new, "-o", tmp_path / "report")
+
+
+def plain(answer: Answer) -> str:
+    return " ".join(answer.out.split())
+
+
+def test_what_is_required_is_judged_from_the_plan_to_the_test(tmp_path):
+    """It was said by --full and by `analyse` alone."""
+    path, run = tmp_path / "plan.yaml", tmp_path / "run.jsonl"
+    plan = good_plan(10, geometry="exact", required={"tcp_mm": 1e-3})
+    write_plan(path, plan.header, np.degrees(plan.postures), [shot.target for shot in plan.shots])
+    checked = zerobeam("check", path)
+    assert (checked.status, "predicted not to meet the required 0.001" in plain(checked)) == (1, True)
+    recorded = zerobeam("run", path, "--rig", "simulated", "--no-camera", "-o", run)
+    assert (recorded.status, "does not meet the required 0.001" in plain(recorded)) == (1, True)
+    test, new = tmp_path / "test.yaml", tmp_path / "new.jsonl"
+    zerobeam("plan", "verify", run, "-o", test)
+    assert zerobeam("run", test, "--rig", "simulated", "--arm", run, "-o", new).status == 0
+    verified = plain(zerobeam("verify", run, new))
+    assert "This test does not judge the error of the TCP; the calibration does: does not meet" in verified
+    assert "It is an error at the target, not at the TCP." in verified
 
 
 def test_a_corrected_robot_passes_and_one_that_is_not_fails(plan, tmp_path):

@@ -308,6 +308,12 @@ def broken(*postures: int) -> Check:
     return replace(checked(), verdict="violated", postures=rows)
 
 
+def requiring(tcp_mm: float) -> Check:
+    outlook = checked().outlook
+    assert outlook is not None
+    return replace(checked(), outlook=replace(outlook, required_mm=tcp_mm))
+
+
 OF_PLANS: dict[type | str, Callable[[], Check]] = {
     "a broken constraint": lambda: broken(1),
     "more broken constraints": lambda: broken(1, 2),
@@ -315,6 +321,7 @@ OF_PLANS: dict[type | str, Callable[[], Check]] = {
     "a weak offset": lambda: checked("few"),
     "assumed offsets alone": lambda: checked("assumed"),
     "no offset is estimated": lambda: checked("held"),
+    "a requirement that is not met": lambda: requiring(1e-3),
     "conditions of a pass": checked,
     "a plan as it is": checked,
     Unreachable: lambda: replace(checked(), findings=(Unreachable((1,)),)),
@@ -332,7 +339,8 @@ def test_each_finding_of_a_plan_has_one_grade(entry: FindingEntry[Check]) -> Non
     check = OF_PLANS[entry.finding]()
     content = message(check)
     assert entry in [row.entry for row in rows_of(check, PLAN)]
-    assert content.grade == ("misfit" if check.verdict == "violated" else check.verdict)
+    short = entry.finding == "a requirement that is not met"
+    assert content.grade == ("misfit" if check.verdict == "violated" else "weak" if short else check.verdict)
     assert content.may == May()
     assert check_page(check).verdict.key == content.grade
     assert check._page().verdict.key == content.grade  # type: ignore[attr-defined]

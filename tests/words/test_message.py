@@ -38,7 +38,7 @@ from zerobeam.reports.run.brief_page import brief_page
 from zerobeam.reports.run.report import report_page
 from zerobeam.words import numbers
 from zerobeam.words.case import RunCase
-from zerobeam.words.message import _of_run, basis_lines, message, message_so_far, next_steps
+from zerobeam.words.message import basis_lines, message, message_of_run, message_so_far, next_steps
 from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
@@ -321,7 +321,7 @@ def test_a_misfit_names_held_offsets_but_the_last_of_a_free_tool(
     by_header |= dict.fromkeys(("std", "data_std", "interval95", "midpoint", "tolerance_share"))
     rows = [replace(row, **by_header) if row.name == f"delta{held}" else row for row in case.parameters]
     tool = {**cast("dict[str, object]", case.header["tool"]), "calibrated": calibrated}
-    shown = _of_run(replace(case, parameters=rows, header={**case.header, "tool": tool}))
+    shown = message_of_run(replace(case, parameters=rows, header={**case.header, "tool": tool}))
     assert (f"J{held} (δ{held}) is held, not estimated" in (shown.cause or "")) == named
     assert (f"Estimate J{held} (δ{held}) too" in shown.action.text) == named
 

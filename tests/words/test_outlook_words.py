@@ -9,6 +9,7 @@ from cells import good_plan
 
 from zerobeam.analysis.observability.outlook import Outlook, OutlookRow
 from zerobeam.analysis.tcp_region import TcpRegion
+from zerobeam.commands.judging import exit_status_of_plan
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.words.message import message
 from zerobeam.words.outlook_words import outlook_notes, plan_command, shown_remedies
@@ -56,6 +57,33 @@ def test_remedies_that_gain_nothing_are_not_shown_first() -> None:
 def test_whether_what_is_required_can_be_reached(required: float, text: str) -> None:
     (note,) = [note for note in outlook_notes(outlook(required)) if "required" in note]
     assert note.endswith(f"{text}.".replace("..", "."))
+
+
+@pytest.mark.parametrize(
+    ("share", "text", "command"),
+    [
+        (1e-3, "Do not measure by this plan for 0.", None),
+        (0.95, " is within reach by ", "--shots"),
+        (1.05, "Nothing needs to change. Measure by this plan.", None),
+    ],
+)
+def test_a_plan_that_falls_short_of_what_is_required_is_no_plain_pass(
+    share: float, text: str, command: str | None
+) -> None:
+    """It was "Pass … Nothing needs to change. Measure by this plan" whatever was required."""
+    check = check_plan(good_plan(10, geometry="exact"))
+    assert check.outlook is not None
+    error = check.outlook.now.tcp_95_mm
+    assert error is not None
+    judged = replace(check, outlook=replace(check.outlook, required_mm=share * error))
+    content, short = message(judged), share < 1
+    assert content.verdict.startswith("Pass; predicted not to meet the required " if short else "Pass. ")
+    assert ("more than the required" in str(content.cause)) == short
+    assert text in content.action.text
+    assert (content.action.command is None) == (command is None)
+    assert command is None or command in str(content.action.command)
+    assert content.grade == ("weak" if short else "pass")
+    assert exit_status_of_plan(judged) == int(short)
 
 
 def test_the_floor_of_offsets_alone_is_said() -> None:
