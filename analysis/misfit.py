@@ -67,7 +67,8 @@ class TightPrior(Contradiction):
 
     `of` is a kind of the geometry (length, angle, gravity, harmonics), or what has the tolerance: the tool, a
     reflector. The tolerances would have to be `times` as large: `needed` in place of `stated` (deg or mm),
-    None where they differ. `largest` is the parameter that is furthest off, at `estimate`.
+    None where they differ. `assumed`: nobody has stated that tolerance. `largest` is the parameter that is
+    furthest off, at `estimate`.
     """
 
     kind: Literal["tight_prior"] = field(default="tight_prior", kw_only=True)
@@ -81,6 +82,7 @@ class TightPrior(Contradiction):
     chi2: float
     dof: int
     p_value: float
+    assumed: bool = False
 
     @property
     @key("needed")
@@ -176,7 +178,13 @@ class Tolerances:
             chi2=chi2,
             dof=dof,
             p_value=p_value,
+            assumed=self._assumed(item),
         )
+
+    def _assumed(self, item: Parameter) -> bool:
+        if item.group != "geometry":
+            return item.assumed
+        return kind_of_axis(item.axis) not in self._fit.problem.geometry.stated
 
 
 def _group_of(item: Parameter) -> str:

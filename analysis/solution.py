@@ -445,8 +445,14 @@ class Solution:
         by_tolerances = (
             float(self._tolerance_share[i]) if determined and len(self.problem.tolerated) else None
         )
+        judged_by = self.identified
         cause = cause_for(
-            self.identified.facts.null_space, item, status, by_tolerances, self.identified.rests_on
+            judged_by.facts.null_space,
+            item,
+            status,
+            by_tolerances,
+            judged_by.rests_on,
+            judged_by.still_weak,
         )
         return ParameterResult(
             name=item.name,

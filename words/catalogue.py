@@ -22,7 +22,7 @@ from ..analysis.answer.findings import (
     RoundedAngles,
 )
 from ..analysis.answer.result import Result
-from ..analysis.diagnostics.diagnosis import Explanation, undecided
+from ..analysis.diagnostics.diagnosis import BEYOND_TOLERANCES, Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.values_to_enter import conforms
 from ..analysis.misfit import (
@@ -67,6 +67,7 @@ from .finding_words import finding_sentence, likelihood_message
 from .geometry_words import confounded_sentence, with_own_u, worth_sentence
 from .misfit_words import (
     CAUSES,
+    alternatives,
     by_another_run,
     cause_sentence,
     larger_tolerance,
@@ -151,10 +152,15 @@ def _diagnosed(case: RunCase) -> Iterator[Sequence[Explanation]]:
 
 def _likely(diagnosis: Sequence[Explanation]) -> Sequence[Explanation]:
     """The explanations whose remedies are said: the best, or those between which nothing decides."""
-    return undecided(diagnosis)[:_MOST_NAMED] or diagnosis[:1]
+    return alternatives(diagnosis)[:_MOST_NAMED] or diagnosis[:1]
+
+
+_LOOK = "Check joint columns, signs, units, tool, targets and geometry, then measure again."
 
 
 def _mend_causes(diagnosis: Sequence[Explanation], case: RunCase) -> str:
+    if all(one.cause in BEYOND_TOLERANCES and not one.agrees for one in _likely(diagnosis)):
+        return _LOOK  # no tolerance is so large
     remedies = {mend(one): CAUSES[one.cause] for one in _likely(diagnosis)}
     if len(remedies) == 1:
         return next(iter(remedies))
@@ -162,16 +168,17 @@ def _mend_causes(diagnosis: Sequence[Explanation], case: RunCase) -> str:
 
 
 def _analyse_mended(diagnosis: Sequence[Explanation], case: RunCase) -> str | None:
-    if all(map(by_another_run, _likely(diagnosis))):
+    first, *others = _likely(diagnosis)
+    if all(map(by_another_run, (first, *others))):
         return None
-    dropped = diagnosis[0].cause == "measurements" and not in_no_file(case.run)
-    return case.again + (f" --drop {','.join(map(str, diagnosis[0].measurements))}" if dropped else "")
+    dropped = first.cause == "measurements" and not in_no_file(case.run)
+    return case.again + (f" --drop {','.join(map(str, first.measurements))}" if dropped else "")
 
 
 def _look(criterion: object, case: RunCase) -> str:
     if case.diagnosis is None:
         return "Analyse the run: that says what could be wrong."
-    return "Check joint columns, signs, units, targets and geometry, then measure again."
+    return _LOOK
 
 
 def _criterion(

@@ -127,6 +127,8 @@ def changed(explanation: Explanation) -> str:
             return f"with {of} {_signed(amount, _unit(of))} in the robot file"
         case "tool" if of == "point":
             return f"with the point of the tool {_size(amount, 'mm')} elsewhere"
+        case "tool" if of != "direction":
+            return f"with the beam along {of} of the flange"
         case "tool":
             return f"with the direction of the beam rotated by {_size(amount, 'deg')}"
         case "spot":
@@ -159,7 +161,7 @@ def changed(explanation: Explanation) -> str:
         case "geometry" if amount <= 1:
             return "with link geometry estimated"
         case "geometry" | "gravity" | "harmonics":
-            return f"with {_LARGER[explanation.cause]} {times(amount)} times the stated tolerance"
+            return f"with {_LARGER[explanation.cause]} {times(amount)} times the tolerance"
 
 
 def by_another_run(explanation: Explanation) -> bool:
@@ -220,6 +222,8 @@ def mend(explanation: Explanation) -> str:
             )
         case "length":
             return f"Measure or look up {of}, correct it in the robot file, {_AGAIN}."
+        case "tool" if of not in ("point", "direction"):
+            return f"Look how the laser is mounted, correct tool.direction to {of} if it is so, {_AGAIN}."
         case "tool":
             key = "point_mm" if of == "point" else "direction"
             return f"Calibrate the tool again and correct tool.{key}, or state calibrated: false, {_AGAIN}."
@@ -403,8 +407,9 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             )
         case TightPrior():
             largest = numbers.significant(criterion.estimate, 2, criterion.unit)
+            by = "assumed" if criterion.assumed else "stated"
             return (
-                f"The stated tolerance of {tolerance_words(criterion, name)} is too small: the estimates"
+                f"The {by} tolerance of {tolerance_words(criterion, name)} is too small: the estimates"
                 f" (up to {largest}, {name(criterion.largest)}) are larger than it allows (χ²"
                 f" {criterion.chi2:.0f}, {criterion.dof} dof, {p_words(criterion.p_value)}). It would have to"
                 f" be {needed_words(criterion)}"
@@ -466,7 +471,8 @@ def larger_tolerance(prior: TightPrior, name: Namer = str) -> str:
     colon = ":" if prior.of in _TOLERANCES and value else ""
     if not value:
         value = f" {times(prior.times)} times as large"
-    return f"If this arm deviates so much, state {key}{colon}{value} in the header, and analyse again."
+    known = "it is known that this arm deviates so much" if prior.assumed else "this arm deviates so much"
+    return f"If {known}, state {key}{colon}{value} in the header, and analyse again."
 
 
 def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
@@ -571,21 +577,34 @@ def _estimates_within(tried: Explanation) -> str:
     )
 
 
+def alternatives(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
+    """Those between which the measurements do not decide, at most three: of more each cause once, the
+    likeliest among them. Measurements that may be wrong come first: they are compared with the record at
+    once."""
+    rivals = sorted(undecided(explanations), key=lambda one: one.cause != "measurements")
+    if len(rivals) <= _MOST_ALTERNATIVES:
+        return tuple(rivals)
+    causes = [one.cause for one in rivals]
+    once = [one for k, one in enumerate(rivals) if one.cause not in causes[:k]]
+    shown = [*once, *(one for one in rivals if one not in once)][:_MOST_ALTERNATIVES]
+    return tuple(shown if explanations[0] in shown else [*shown[:-1], explanations[0]])
+
+
 def cause_sentence(explanations: Sequence[Explanation]) -> str:
     """The best explanation of a misfit with its rivals, and what it leaves."""
     best, *rivals = explanations
-    if open_ := undecided(explanations):
-        questions = [f"{CAUSES[one.cause]} ({changed(one)})" for one in open_[:_MOST_ALTERNATIVES]]
-        ratios = [numbers.significant(open_[0].odds / one.odds, 2) for one in open_[1:_MOST_ALTERNATIVES]]
-        text = (
-            f"The measurements do not decide what is wrong: {', or '.join(questions)} (evidence"
-            f" {' : '.join(['1', *ratios])})."
-        )
+    if open_ := alternatives(explanations):
+        questions = [f"{CAUSES[one.cause]} ({changed(one)})" for one in open_]
+        odds = [open_[0].odds / one.odds for one in open_]
+        ratios = " : ".join(numbers.significant(each, 2) if k else "1" for k, each in enumerate(odds))
+        evidence = f" (evidence {ratios})" if min(odds) >= 1 else ""  # else not in the order of it
+        text = f"The measurements do not decide what is wrong: {', or '.join(questions)}{evidence}."
         return text if best.agrees else f"{text} None of these alone explains the residuals."
     left = f"the residuals are {times(best.factor)} times the noise instead of {times(best.before)}"
     if _explains_estimates(best):
         left = _estimates_within(best)
-    text = f"Most likely: {CAUSES[best.cause]}. {capital(changed(best))} {left}."
+    named = "Most likely" if best.agrees else "Closest"  # what leaves a misfit is not likely
+    text = f"{named}: {CAUSES[best.cause]}. {capital(changed(best))} {left}."
     if best.links_of_an_exact_arm:
         text += " The arm was taken as exact (geometry: exact)."
     if rivals:

@@ -260,8 +260,8 @@ def _untried(cause: Cause, name: Namer) -> str:
             return "look for a wrong measurement, or state a better guess of target and tool"
         case NotTheModel():
             return "find what is wrong first: joint columns, signs, zeros, units, targets, geometry"
-        case AsGoodAs(of):
-            return stating(of)
+        case AsGoodAs():
+            return _determining(cause)
         case TargetUnseen(target, _):
             return f"add measurements of {name(target)} from other directions"
         case NoiseSplit():
@@ -307,9 +307,15 @@ def _as_good_as(cause: AsGoodAs) -> str:
             for one in cause.of
         ]
         return f"by {listed(list(dict.fromkeys(parts_of_header)))}: {listed(sizes)}"
+    weak = f"; {WEAK} however well that is known" if cause.weak else ""
     if not sizes:
-        return f"as good as {listed(parts)}: that it is exactly as stated is assumed, not measured"
-    return f"as good as {listed(parts)}: {listed(sizes)} {be(sizes)} assumed, not stated or measured"
+        return f"as good as {listed(parts)}: that it is exactly as stated is assumed, not measured{weak}"
+    return f"as good as {listed(parts)}: {listed(sizes)} {be(sizes)} assumed, not stated or measured{weak}"
+
+
+def _determining(cause: AsGoodAs) -> str:
+    """What would make an offset more than assumed."""
+    return f"{_PLAN_ANEW}, and {stating(cause.of)}" if cause.weak else stating(cause.of)
 
 
 def stating(of: Sequence[Assumption]) -> str:
@@ -357,7 +363,7 @@ def assumed_steps(rows: Sequence[_WithStatus], name: Namer) -> list[str]:
     for row in rows:
         cause = getattr(row, "cause", None)
         if row.status == "assumed" and isinstance(cause, AsGoodAs):
-            grouped.setdefault(stating(cause.of), []).append(row.name)
+            grouped.setdefault(_determining(cause), []).append(row.name)
     return [f"To determine {listed(joints(names, name))}: {what}" for what, names in grouped.items()]
 
 

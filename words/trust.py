@@ -113,7 +113,7 @@ def trusted(row: _Row, k: float, tolerances: Mapping[str, float]) -> str:
             return "yes"
         case "assumed" if isinstance(cause, AsGoodAs):
             parts = [f"{part_of(one).removeprefix('the ')} assumed {size_of(one)}" for one in cause.of]
-            return f"no: {listed(list(dict.fromkeys(parts)))}"
+            return f"no: {'weak, and ' if cause.weak else ''}{listed(list(dict.fromkeys(parts)))}"
         case "assumed":
             return "no: assumed"
         case "weak":

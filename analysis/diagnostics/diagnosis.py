@@ -24,6 +24,7 @@ from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
+from ..misfit import TightPrior
 from ..observability.changes import RepeatsApart, RunChange
 from ..solution import Solution
 from .hypotheses import (
@@ -157,6 +158,8 @@ _MAKES_REPEATS_DIFFER: frozenset[Cause] = frozenset(
     {"measurements", "repeats", "moved_target", "jump", "drift", "lag", "backlash", "noise"}
 )
 
+BEYOND_TOLERANCES: frozenset[Cause] = frozenset({"geometry", "gravity", "harmonics"})
+
 
 @record
 class Explanation:
@@ -208,12 +211,13 @@ class Explanation:
 def undecided(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """The best explanations between which the measurements do not decide: the evidence of none is 20 times
     that of another, all that was tried counted; where repeats that differ are one of them, the noise, which
-    would explain anything, comes last. Empty where the first one is decided."""
+    would explain anything, comes last; and so does an arm beyond its tolerances. Empty where the first one is
+    decided."""
     if not explanations or explanations[0].links_of_an_exact_arm:
         return ()
     rivals = [one for one in explanations if one.odds > explanations[0].odds / DECIDED]
-    if any(one.cause == "repeats" for one in rivals):
-        rivals.sort(key=lambda one: one.cause == "noise")
+    last = {*BEYOND_TOLERANCES, *(["noise"] if any(one.cause == "repeats" for one in rivals) else [])}
+    rivals.sort(key=lambda one: one.cause in last)
     return tuple(rivals) if len(rivals) > 1 else ()
 
 
@@ -231,12 +235,14 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     slack = 1.0 if solution.problem.noise.known else _SLACK
     density = Density(problem)
     (answer,) = fits_at(density, x[None])
-    # What changed during the run may leave residuals that agree with the noise: the test for it does not.
+    # What changed during the run may leave residuals that agree with the noise: the test for it does not. So
+    # may what is wrong with a measurement, and only strain the tolerances.
     changed = any(isinstance(one, RunChange) for one in solution.misfit.criteria)
-    if answer.agrees(slack) and not changed:  # and so does the best fit at the stated noise
+    strained = all(isinstance(one, TightPrior) for one in solution.misfit.criteria)
+    if answer.agrees(slack) and not changed and not strained:  # and so does the best fit at the stated noise
         return ()
     ended, (base,) = fits_from(density, x[None])
-    if base.agrees(slack) and not changed:
+    if base.agrees(slack) and not changed and not strained:
         return ()
     fits = list(hypothesis_fits(problem, ended[0], slack))
     if any(isinstance(one, RepeatsApart) for one in solution.misfit.criteria):
@@ -245,8 +251,10 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
         replace(one, readings=misreadings(problem, ended[0], base, one.measurements[0], slack, _scatter(one)))
         if one.cause == "measurements" and len(one.measurements) == 1
         else one
-        for one in _explanations(base, fits, slack, exact=not problem.geometry)
+        for one in _explanations(base, fits, slack, exact=not problem.geometry, decided=strained)
     )
+    if strained and not any(one.cause not in BEYOND_TOLERANCES for one in explained):
+        return ()  # the criterion itself says which tolerance, and how large it would have to be
     weighted = bool((solution.problem.weights != 1).any())
     if not solution.problem.noise.known or weighted or solution.dof == 0:
         return explained
@@ -284,15 +292,22 @@ def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:
 
 
 def _explanations(
-    base: HypothesisFit, fits: Sequence[HypothesisFit], slack: float, *, exact: bool
+    base: HypothesisFit,
+    fits: Sequence[HypothesisFit],
+    slack: float,
+    *,
+    exact: bool,
+    decided: bool = False,
 ) -> tuple[Explanation, ...]:
-    """The hypotheses that explain, by their evidence."""
+    """The hypotheses that explain, by their evidence. Where it is `decided` that something is wrong, although
+    the residuals agree with the noise, those that nothing decides between are enough."""
     agreeing = {i for i, left in enumerate(fits) if left.agrees(slack)}
     explaining = agreeing or {i for i, left in enumerate(fits) if left.explains(base, slack)}
     # What is left gives the noise its scale where it is more than the stated, or that is not certain.
     free_scale = not agreeing or slack > 1
     evidence = {i: fits[i].log_evidence(base, free_scale) for i in explaining}
     margin = -float(np.log(SIGNIFICANCE))
+    least, behind = (0.0, float(np.log(DECIDED))) if decided else (margin, margin)
     if exact:
         # Links within tolerances are no fault of the data: what blames the data has to be likelier by far.
         links = max((evidence[i] for i in explaining if fits[i].cause == "geometry"), default=-np.inf)
@@ -301,7 +316,7 @@ def _explanations(
             for i, value in evidence.items()
             if fits[i].cause not in _RIVALS_OF_LINKS or value > links + margin
         }
-    rows = _once(sorted(((value, i) for i, value in evidence.items() if value > margin), reverse=True), fits)
+    rows = _once(sorted(((value, i) for i, value in evidence.items() if value > least), reverse=True), fits)
     best = rows[0][0] if rows else 0.0
     if exact:  # what no arm is without comes first, where it is enough, and nothing is clearly likelier
         enough = best - float(np.log(DECIDED))
@@ -326,7 +341,7 @@ def _explanations(
             odds=float(np.exp(value - best)),
         )
         for value, i in rows[:_MOST]
-        if (left := fits[i]).cause is not None and value > best - margin
+        if (left := fits[i]).cause is not None and value > best - behind
     )
 
 

@@ -12,14 +12,16 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import combinations
+from itertools import combinations, permutations, product
 from pathlib import Path
 
 import numpy as np
 import scipy
+from scipy.spatial.transform import Rotation
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.robot_file import built_in_robots, load_robot
+from ...model.instruments.flange_tool import LaserBeam
 from ...model.kinematics.dh import DHRow, along_z, as_row, with_fixed
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.constraint import shot_functions
@@ -74,6 +76,32 @@ def file_variants(robot: Robot) -> Iterator[Change]:
     yield from _conventions(robot, first, [row for row in rows if row is not None])
 
 
+def _beam_axes(problem: Problem) -> Iterator[Change]:
+    """A beam along another axis of the flange than stated: components exchanged and negated, each line once.
+    The flange is rotated about the point of the beam, which moves the beam alone."""
+    tool = problem.tool
+    if not isinstance(tool, LaserBeam) or tool.direction is None:
+        return
+    robot = along_z(problem.robot)
+    fixed, stated = [*(joint.fixed for joint in robot.joints), robot.flange], tool.direction
+    axes = {
+        tuple((np.array(signs) * stated[list(order)] + 0.0).tolist())
+        for order in permutations(range(3))
+        for signs in product((1.0, -1.0), repeat=3)
+    }
+    lines = [axis for axis in sorted(axes) if axis > (0.0, 0.0, 0.0)]
+    for direction in lines:
+        if abs(np.array(direction) @ stated) > 1 - _SAME_AXIS:
+            continue
+        turn, _ = Rotation.align_vectors([direction], [stated])
+        turned = np.eye(4)
+        turned[:3, :3] = turn.as_matrix()
+        turned[:3, 3] = tool.point - turn.apply(tool.point)
+        of = f"[{', '.join(f'{value:g}' for value in np.round(direction, 4).tolist())}]"
+        moved = with_fixed(robot, [*fixed[:-1], fixed[-1] @ turned])
+        yield Change("tool", of=of, robot=moved)
+
+
 def _conventions(robot: Robot, first: Matrix, rows: Sequence[DHRow]) -> Iterator[Change]:
     """Rows of standard Denavit-Hartenberg parameters that were read as modified ones, and the reverse.
 
@@ -120,6 +148,7 @@ def _built_in(name: str) -> Robot:
 
 
 _TWO_TURNS = 4 * np.pi  # rad: further no arm goes, and no angle is recorded
+_SAME_AXIS = 1e-9  # of the cosine
 _QUARTERS = (90.0, -90.0, 180.0)
 SIGNIFICANCE = 1e-3  # p-value of residuals by noise and of a gain by chance; likelihood ratio to a rival
 HALVED = 0.5  # what does not agree with the noise has to leave no more than this share of the residuals
@@ -321,12 +350,13 @@ def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[Hypoth
 def hypothesis_fits(problem: Problem, x: Matrix, slack: float) -> Iterator[HypothesisFit]:
     """What the best hypotheses leave of a problem at known noise. The fit as recorded ended at x (p,);
     `slack` is that of `HypothesisFit.agrees`."""
-    every = list(changes(problem, x))
+    every, axes = list(changes(problem, x)), list(_beam_axes(problem))
     # Far zeros leave the residuals as they are: only the prior speaks against them.
     beyond = _beyond_priors(problem, x)
     far = [i for i, change in enumerate(every) if _is_estimated(change, beyond)]
     fits = [
         *_of_changes(problem, every, len(every), always=far),
+        *(_of_changes(problem, axes, len(every) + len(axes), most=1) if axes else ()),
         *of_readings(problem),
         *_of_suspects(problem, x),
     ]

@@ -4,7 +4,7 @@ a status is due to. Their sentences and remedies are made in `words`."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Annotated, Literal
@@ -68,9 +68,10 @@ class WithinTolerances:
 @dataclass(frozen=True)
 class AsGoodAs:
     """The data determine an offset only with what is known `of` an instrument besides: its mounting, its tip,
-    its frame. That is `stated`, or assumed."""
+    its frame. That is `stated`, or assumed. `weak`: it would be weak were that known exactly."""
 
     of: tuple[Assumption, ...]
+    weak: bool = False
 
     @property
     def by_header(self) -> bool:
@@ -363,9 +364,10 @@ def cause_for(
     status: Status,
     tolerance_share: float | None = None,
     rests_on: Mapping[str, tuple[Assumption, ...]] = MappingProxyType({}),
+    still_weak: Container[str] = (),
 ) -> Cause | None:
-    """Why a parameter has no number, or a poor one, or what its number `rests_on`; None for one that the
-    measurements identify alone.
+    """Why a parameter has no number, or a poor one, or what its number `rests_on` (and whether it is
+    `still_weak` all the same); None for one that the measurements identify alone.
 
     `tolerance_share` (0 to 1) is the part of its variance that the tolerances set.
     """
@@ -376,7 +378,9 @@ def cause_for(
     if status == "unvalidated":
         return NotTheModel()
     if status in ("identified", "assumed"):
-        return AsGoodAs(rests_on[item.name]) if item.name in rests_on else None
+        if item.name not in rests_on:
+            return None
+        return AsGoodAs(rests_on[item.name], item.name in still_weak)
     cause = worst_direction(null_space, item.name).cause
     if isinstance(cause, NotResolvable) and tolerance_share is not None and tolerance_share >= MOST:
         return WithinTolerances(tolerance_share)

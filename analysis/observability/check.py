@@ -357,7 +357,14 @@ class Check:
                     data_std=data_std * item.display if np.isfinite(data_std) else None,
                     std=float(std[i]) * item.display if has_numbers(status) else None,
                     prior_std=item.prior_std * item.display,
-                    cause=cause_for(facts.null_space, item, status, by_tolerances, identified.rests_on),
+                    cause=cause_for(
+                        facts.null_space,
+                        item,
+                        status,
+                        by_tolerances,
+                        identified.rests_on,
+                        identified.still_weak,
+                    ),
                     tolerance_share=by_tolerances,
                     tolerated=item.tolerated,
                 )

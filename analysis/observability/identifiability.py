@@ -223,12 +223,14 @@ class Identifiability:
 @dataclass(frozen=True, eq=False)
 class Identified:
     """Per parameter (p,): `status`, and `data_std` in internal units (inf for a gauge, nan if held);
-    `rests_on` what an offset, by its name, is known by besides the measurements."""
+    `rests_on` what an offset, by its name, is known by besides the measurements; `still_weak` are those that
+    would be weak were what is assumed of tool and frames known exactly."""
 
     status: tuple[Status, ...]
     data_std: Matrix
     facts: Identifiability
     rests_on: Mapping[str, tuple[Assumption, ...]] = field(default_factory=dict)
+    still_weak: frozenset[str] = frozenset()
 
     def __repr__(self) -> str:
         return (
@@ -258,7 +260,25 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         "assumed" if any(not one.stated for one in rests_on.get(item.name, ())) else each
         for item, each in zip(parameters.items, judged.status, strict=True)
     )
-    return Identified(status, data_std, facts, rests_on)
+    return Identified(status, data_std, facts, rests_on, _still_weak(judged, status))
+
+
+def _still_weak(judged: _Judged, status: Sequence[Status]) -> frozenset[str]:
+    """The assumed offsets that no better knowledge of what is assumed makes identified."""
+    items = judged.problem.parameters.items
+    if "assumed" not in status:
+        return frozenset()
+    free = [item for item in items if not item.held]
+    known = np.array([item.assumed and item.tolerated for item in free], dtype=bool)
+    tolerated = np.array([item.tolerated for item in free], dtype=bool)
+    _, _, std = _determined(judged.gauge.jacobian[:, ~known], judged.gauge.basis, tolerated[~known])
+    names = (item.name for item, gone in zip(free, known, strict=True) if not gone)
+    by_name = dict(zip(names, std, strict=True))
+    return frozenset(
+        item.name
+        for item, each in zip(items, status, strict=True)
+        if each == "assumed" and by_name[item.name] * item.prior_std > item.tolerance
+    )
 
 
 def _judged(problem: Problem, x: Matrix, weight: float) -> tuple[_Judged, Matrix]:

@@ -113,6 +113,6 @@ def test_the_table_of_the_documentation_has_these_rows(judged: list[Judged]) -> 
     rows = "".join(own.row for own in judged)
     text = TABLE.read_text(encoding="utf-8")
     if os.environ.get("ZEROBEAM_WRITE_GOLDEN"):
-        text = text[: text.index(f"| {HEAD[0]}")] + head + rows
+        text = text[: text.rindex(f"| {HEAD[0]}")] + head + rows
         TABLE.write_text(text, encoding="utf-8")
     assert text.partition(head)[2] == rows, "ZEROBEAM_WRITE_GOLDEN=1 writes it anew"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,25 +12,40 @@ from cells import (
     OPEN_PROBE,
     TABLE_2,
     good_plan,
+    header,
     irb1600,
     placed_plan,
     plan_of,
     random_robot,
+    run_of,
     simulated,
     simulated_problem,
 )
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
+import zerobeam as zb
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose, undecided
 from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes, file_variants
 from zerobeam.analysis.diagnostics.suspects import Cause
+from zerobeam.analysis.estimation.threads import one_blas_thread
+from zerobeam.analysis.misfit import TightPrior
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import Run
+from zerobeam.model.files.shot import Shot
 from zerobeam.model.kinematics.dh import along_z
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit_words import cause_sentence, explanation_sentence
+from zerobeam.words.case import RunCase
+from zerobeam.words.catalogue import _mend_causes
+from zerobeam.words.message import message
+from zerobeam.words.misfit_words import (
+    alternatives,
+    cause_sentence,
+    criterion_sentence,
+    explanation_sentence,
+    mend,
+)
 
 FAST = {"starts": 0}
 
@@ -119,6 +134,64 @@ def test_both_directions_of_coupling(tmp_path) -> None:
 def test_one_wrong_measurement_is_found_and_not_taken_for_a_moved_target(tmp_path) -> None:
     found = diagnose(spoilt("uncalibrated", leant_on(3), tmp_path))
     assert (found[0].cause, found[0].measurements, found[0].targets) == ("measurements", (3,), ("psd",))
+
+
+# Seven measurements of an ordinary arm. One degree more at joint 5 of the fourth leaves residuals as small as
+# the noise, and strains the harmonics beyond what is assumed of them.
+SEVEN = """
+-69.348,-18.862,49.270,136.545,-39.529,-82.750
+70.583,-18.738,43.354,-137.022,-72.592,75.127
+48.951,71.922,-72.708,44.776,95.417,-51.190
+48.228,-33.230,40.231,47.941,-66.007,-65.266
+-17.603,77.423,-75.731,-39.334,80.942,49.244
+-40.469,64.940,-117.719,114.765,69.238,-22.223
+-8.226,51.019,24.533,-17.649,61.184,134.831
+"""
+
+
+def seven(**tool: Any) -> Run:
+    own = header({**LASER, **tool}, target=None, geometry=None)
+    rows = [tuple(map(float, line.split(","))) for line in SEVEN.split()]
+    return run_of(own, [Shot(shot=i, target="psd", joints_deg=row) for i, row in enumerate(rows)])
+
+
+def test_a_measurement_that_strains_a_tolerance_is_a_cause_and_comes_first() -> None:
+    """What the measurements do not decide is no reason to loosen what is assumed of the arm."""
+    result = zb.analyse(seven(), ess=100).result
+    assert result.misfit is not None
+    (tight,) = result.misfit.criteria
+    assert isinstance(tight, TightPrior)
+    assert tight.assumed
+    assert criterion_sentence(tight).startswith("The assumed tolerance of the first harmonics is too small")
+    first, *others = alternatives(result.diagnosis)
+    assert (first.cause, first.measurements) == ("measurements", (3,))
+    assert others[-1].cause == "harmonics"
+    assert "state" not in mend(first)
+    action = message(result).action
+    assert action.text.startswith("Enter nothing. If it is single measurements: Compare measurement 3")
+    assert "geometry" not in action.text
+    assert action.command == "zerobeam analyse run.jsonl --drop 3"
+
+
+@pytest.mark.parametrize("direction", [[0, 0, 1], [0, 1, 0], [0.6, 0.0, 0.8]])
+@pytest.mark.one_in(3)
+def test_a_beam_along_another_axis_is_named(direction: list[float]) -> None:
+    true = [0.8, 0.0, 0.6] if 0.6 in direction else [1, 0, 0]
+    run = simulated(good_plan(8, tool={**LASER, "direction": true}, geometry=None), TABLE_2, 3)[1]
+    own = run.header.model_copy(update={"tool": header({**LASER, "direction": direction}).tool})
+    with one_blas_thread():
+        found = diagnose(of(Problem.from_run(replace(run, header=own))))
+    (tool,) = (one for one in found if one.cause == "tool")
+    assert tool.agrees
+    assert tool.of == str(true).replace("0.0", "0")
+    assert f"the beam along {tool.of} of the flange" in explanation_sentence(tool)
+    assert f"correct tool.direction to {tool.of} if it is so" in mend(tool)
+
+
+def test_what_leaves_a_misfit_is_not_the_likeliest_and_no_tolerance_is_to_be_stated_for_it() -> None:
+    far = replace(_explained("geometry", 1.0, amount=10.0, factor=11.1, before=93.3), agrees=False)
+    assert cause_sentence((far,)).startswith("Closest: link geometry. With the links 10.0 times the ")
+    assert _mend_causes((far,), cast(RunCase, None)).startswith("Check joint columns")
 
 
 @pytest.mark.long

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import LASER, PROBE, good_plan, header, irb1600, run_of, simulated, simulated_problem
+from cells import LASER, PROBE, good_plan, header, irb1600, pattern_plan, run_of, simulated, simulated_problem
 from measured_arms import CELLS, KNOWN_FRAME, STATED_FRAME, Cell, recorded
 
 from zerobeam.analysis.diagnostics.values_to_enter import entered, offsets_to_enter
+from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.analysis.observability.causes import AsGoodAs
+from zerobeam.analysis.observability.check import Check
 from zerobeam.analysis.observability.geometry_result import bases
 from zerobeam.analysis.observability.identifiability import Identified, identify
 from zerobeam.analysis.solution import Solution, solve
@@ -25,6 +27,7 @@ from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.observability import reason, remedy
+from zerobeam.words.trust import trusted
 
 # An ordinary arm (J2 0.62, J3 -0.35, J4 0.21, J5 -0.48, J6 0.15 deg) whose laser is 1 deg off about axis 6.
 BEAM_1_DEG = """
@@ -38,6 +41,9 @@ BEAM_1_DEG = """
 154.883,-62.800,-166.349,-16.714,37.075,-112.496
 158.216,89.777,-189.743,188.655,25.674,3.604
 """
+CLOSE, EXACT = (
+    {**LASER, "sigma": {"tilt_deg": deg, "shift_mm": mm}} for deg, mm in ((0.005, 0.02), (1e-6, 1e-4))
+)
 STATED = {**LASER, "sigma": {"tilt_deg": 0.05, "shift_mm": 0.1}}
 
 
@@ -72,6 +78,25 @@ def test_a_turned_laser_passes_without_joint_6() -> None:
     assert second is not None
     assert "delta6" not in second.values
     assert "delta6" in offsets_to_enter(solution, assumed=True)
+
+
+def test_what_better_knowledge_would_leave_weak_is_said_and_no_remedy_alone() -> None:
+    """In the Y-Pattern joint 6 is weak however well the mounting is known: as with one that is."""
+    plans = [pattern_plan("y", geometry=None, tool=tool) for tool in (LASER, CLOSE, EXACT)]
+    rows = [Check.of(aim_plan(plan)).parameters.named("delta6") for plan in plans]
+    assumed, close, exact = rows
+    assert isinstance(assumed.cause, AsGoodAs)
+    assert assumed.cause.weak
+    assert assumed.status == "assumed"
+    assert (close.status, exact.status) == ("weak", "weak")
+    assert exact.data_std == pytest.approx(assumed.data_std, rel=0.1)
+    assert remedy(assumed.cause).startswith("plan other postures (zerobeam plan optimal), and measure the ")
+    assert reason(assumed.cause).endswith("; weakly observable however well that is known")
+    k, tolerances = 2.0, {"deg": 0.1}
+    assert trusted(assumed, k, tolerances) == "no: weak, and laser's mounting assumed 0.05°"
+    cause = beam_solution()["delta6"].cause
+    assert isinstance(cause, AsGoodAs)
+    assert not cause.weak
 
 
 def test_a_stated_mounting_identifies_it() -> None:
@@ -231,7 +256,7 @@ def test_nothing_is_exported_of_assumptions_alone(tmp_path: Path) -> None:
 def test_each_assumption_says_what_it_does() -> None:
     solution = beam_solution()
     own = beam_run().header
-    rows = bases(solution.problem, solution.fit.covariance, solution.status, own, solution.geometry(own))
+    rows = bases(solution.problem, solution.fit.covariance, solution.status, own)
     mounting, links = rows
     assert (mounting.of, mounting.part, mounting.stated, links.part, links.stated) == (
         "tool",
