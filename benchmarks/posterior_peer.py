@@ -1,8 +1,8 @@
-"""The peer's side of posterior_time.py: the same posterior written again in JAX, sampled by NumPyro's NUTS.
+"""The peers' side of posterior_time.py: the same posterior written again in JAX, and its samplers.
 
     python posterior_peer.py MODEL.npz ANSWER.npz
 
-runs in the environment of the peer. Nothing of zerobeam is in here: the arm is Table 1 of the paper or read
+runs in the environment of the peers. Nothing of zerobeam is in here: the arm is Table 1 of the paper or read
 from a URDF file, the density section 1 of the paper's model with the covariance of each miss by a geometric
 Jacobian. Unknowns z (f,) are scaled by their priors; angles are rad, lengths mm.
 """
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
+import blackjax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,6 +25,9 @@ from numpyro.infer import MCMC, NUTS
 
 Array = NDArray[np.float64]
 Density = Callable[[jax.Array], jax.Array]
+CHAINS, OF_EACH = 256, 60  # chains side by side, and draws of each
+STEP, STEPS = (0.3, 0.6), (4, 10)  # of a leapfrog, and how many a draw: the best count
+BATCH, BATCHES = 2000, 20  # draws in one call
 
 TABLE_1 = [  # a, alpha, d, theta, mm and degrees
     (150, -90, 486.5, 0),
@@ -226,44 +230,116 @@ def squares(miss: jax.Array, covariance: jax.Array) -> jax.Array:
     return quad
 
 
+class Peer:
+    """The posterior in coordinates w (f,) whitened by the fit, and its samplers, each at its best: what is
+    timed is sampling alone, compiled and warm."""
+
+    def __init__(self, model: dict[str, Array]) -> None:
+        self.chains, self.warmup, self.draws, self.seed = (int(v) for v in model["settings"])
+        self.value = (tracker_density if "tracker" in model else log_density)(model)
+        self.centre, self.factor = model["centre"], model["factor"]
+        self.size = len(self.centre)
+
+    def at(self, w: jax.Array) -> jax.Array:
+        """ln p of w (f,), up to a constant."""
+        return self.value(self.centre + self.factor @ w)
+
+    def key(self, number: int) -> jax.Array:
+        return jax.random.PRNGKey(self.seed + number)
+
+    def timed(self, call: Callable[[], tuple[jax.Array, ...]]) -> tuple[tuple[Array, ...], float]:
+        """What the second call gives, and its seconds."""
+        for _ in range(2):
+            begun = time.perf_counter()
+            found = tuple(np.asarray(part) for part in jax.block_until_ready(call()))
+            seconds = time.perf_counter() - begun
+        return found, seconds
+
+    def nuts(self) -> dict[str, Array | float]:
+        """NumPyro's, a chain on each core."""
+        sampler = MCMC(
+            NUTS(potential_fn=lambda w: -self.at(w)),
+            num_warmup=self.warmup,
+            num_samples=self.draws,
+            num_chains=self.chains,
+            chain_method="parallel",
+            progress_bar=False,
+        )
+        start = jax.random.normal(self.key(0), (self.chains, self.size))
+        sampler.run(self.key(1), init_params=start)
+
+        def once() -> tuple[jax.Array, ...]:
+            sampler.post_warmup_state = sampler.last_state
+            sampler.run(self.key(2))
+            return (sampler.get_samples(group_by_chain=True),)
+
+        (found,), seconds = self.timed(once)
+        return {"z": self.unwhitened(found), "seconds": seconds}
+
+    def hmc(self) -> dict[str, Array | float]:
+        """BlackJAX's, many chains side by side in one program, with the step and the number of steps that
+        jump farthest a gradient."""
+
+        def walk(state: object, key: jax.Array, step: float, steps: int) -> tuple[object, jax.Array]:
+            kernel = blackjax.hmc(self.at, step, jnp.ones(self.size), steps)
+
+            def one(state: object, key: jax.Array) -> tuple[object, jax.Array]:
+                state, _ = jax.vmap(kernel.step)(jax.random.split(key, CHAINS), state)
+                return state, state.position  # type: ignore[attr-defined]
+
+            return jax.lax.scan(one, state, jax.random.split(key, OF_EACH))
+
+        walked = jax.jit(walk)
+        start = jax.random.normal(self.key(0), (CHAINS, self.size))
+        state = jax.vmap(lambda w: blackjax.hmc.init(w, self.at))(start)
+
+        def jumped(setting: tuple[float, int]) -> float:
+            _, found = walked(state, self.key(1), *setting)
+            return float((jnp.diff(found[OF_EACH // 2 :], axis=0) ** 2).sum()) / setting[1]
+
+        best = max(((step, steps) for step in STEP for steps in STEPS), key=jumped)
+        state, _ = walked(state, self.key(2), *best)
+        (found,), seconds = self.timed(lambda: (walked(state, self.key(3), *best)[1],))
+        return {"z": self.unwhitened(found.transpose(1, 0, 2)), "seconds": seconds}
+
+    def importance(self) -> dict[str, Array | float]:
+        """Draws of a multivariate t around the fit, weighted."""
+        nu = max(6.0, 2.0 * self.size)
+
+        def weighted(key: jax.Array) -> tuple[jax.Array, jax.Array]:
+            first, second = jax.random.split(key)
+            normal = jax.random.normal(first, (BATCH, self.size))
+            chi2 = 2 * jax.random.gamma(second, nu / 2, (BATCH,))
+            w = normal * jnp.sqrt(nu / chi2)[:, None]
+            proposed = -(nu + self.size) / 2 * jnp.log1p((w**2).sum(axis=1) / nu)
+            return w, jax.vmap(self.at)(w) - proposed
+
+        many = jax.jit(lambda key: jax.lax.map(weighted, jax.random.split(key, BATCHES)))
+        (w, log_weights), seconds = self.timed(lambda: many(self.key(0)))
+        return {
+            "z": self.unwhitened(w.reshape(1, -1, self.size)),
+            "log_weights": log_weights.reshape(-1),
+            "seconds": seconds,
+        }
+
+    def unwhitened(self, w: Array) -> Array:
+        return np.asarray(self.centre + w @ self.factor.T)
+
+
 def main() -> None:
     model = dict(np.load(sys.argv[1]))
-    chains, warmup, draws, seed = (int(v) for v in model["settings"])
-    numpyro.set_host_device_count(chains)
+    numpyro.set_host_device_count(int(model["settings"][0]))
     jax.config.update("jax_enable_x64", True)
-    value = (tracker_density if "tracker" in model else log_density)(model)
-    centre, factor = model["centre"], model["factor"]
-    checked = np.array(jax.jit(jax.vmap(value))(model["points"]))
-
-    kernel = NUTS(potential_fn=lambda w: -value(centre + factor @ w))
-    sampler = MCMC(
-        kernel,
-        num_warmup=warmup,
-        num_samples=draws,
-        num_chains=chains,
-        chain_method="parallel",
-        progress_bar=False,
-    )
-    begun = time.perf_counter()
-    start = jax.random.normal(jax.random.PRNGKey(seed), (chains, len(centre)))
-    sampler.run(jax.random.PRNGKey(seed + 1), init_params=start)
-    np.asarray(sampler.get_samples())
-    before = time.perf_counter() - begun
-    # Warm and compiled: what is timed is sampling alone.
-    for _ in range(2):
-        sampler.post_warmup_state = sampler.last_state
-        begun = time.perf_counter()
-        sampler.run(jax.random.PRNGKey(seed + 2), extra_fields=("num_steps",))
-        found = np.asarray(sampler.get_samples(group_by_chain=True))
-        seconds = time.perf_counter() - begun
-    np.savez(
-        sys.argv[2],
-        checked=checked,
-        z=centre + found @ factor.T,
-        seconds=seconds,
-        before=before,
-        gradients=float(np.sum(sampler.get_extra_fields()["num_steps"])),
-    )
+    peer = Peer(model)
+    answer = {"checked": np.array(jax.jit(jax.vmap(peer.value))(model["points"]))}
+    samplers = {
+        "NumPyro NUTS": peer.nuts,
+        f"BlackJAX HMC, {CHAINS} chains side by side": peer.hmc,
+        "importance sampling in JAX": peer.importance,
+    }
+    for name, sampled in samplers.items():
+        answer |= {f"{name}|{key}": np.asarray(part) for key, part in sampled().items()}
+    np.savez(sys.argv[2], **answer)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,16 @@
-"""How many effective draws of the posterior a second: by zerobeam, emcee's stock move, and NumPyro's NUTS?
+"""How many effective draws of the posterior a second: by zerobeam, emcee's stock move, and peers in JAX?
 
 For the built-in run of 7 shots (8 unknowns), the one with an uncalibrated tool (11 unknowns) and, if the
 recordings are there, panda_2 (559 postures), with nominal links and with uncertain ones, and for simulated
 tracker sets of an arm with uncertain links: the smallest bulk ESS of all unknowns, a second and over two
-cores, by one function of arviz-stats for all. All start from the same Laplace fit and live in coordinates
-whitened by it; burn-in is counted for zerobeam alone, compiling for none. The peer's log-density, written
-again in JAX, is first shown to be ours up to a constant; means and variances are compared afterwards.
+cores, by one function of arviz-stats for all chains; of weighted draws Kish's effective number. All start
+from the same Laplace fit and live in coordinates whitened by it; burn-in is counted for zerobeam's chains
+alone, compiling for none. Each peer is at its best: NUTS with a chain on each core, HMC with hundreds of
+chains side by side and the best of four settings, importance sampling with as heavy tails as zerobeam's. The
+peers' log-density, written again in JAX, is first shown to be ours up to a constant; means and variances are
+compared afterwards.
 
-    python3 -m venv /tmp/nuts && /tmp/nuts/bin/pip install numpyro
+    python3 -m venv /tmp/nuts && /tmp/nuts/bin/pip install numpyro blackjax
     .venv/bin/python benchmarks/posterior_time.py --peers /tmp/nuts/bin/python
 """
 
@@ -21,6 +24,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,6 +37,7 @@ from tracker_peers import simulated
 from tracker_table import NOISE, header, problem_of
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.posterior.convergence import Weights
 from zerobeam.analysis.posterior.sampler import IndependenceProposal, degrees_of_freedom, sample_density
 from zerobeam.analysis.posterior.sheet import Whitening
 from zerobeam.experiments.demos import demo_runs
@@ -121,17 +126,21 @@ class TrackerCase(Case):
 
 
 class Found(NamedTuple):
-    """What one sampler left: scaled draws (chains, steps, f) and the seconds that they took."""
+    """What one sampler left: scaled draws (chains, steps, f) and the seconds that they took; of weighted
+    ones ln of the weights (chains * steps,)."""
 
     draws: Matrix
     seconds: float
+    log_weights: Matrix | None = None
 
     def ess(self) -> float:
-        """The smallest bulk ESS of all unknowns."""
+        """The smallest bulk ESS of all unknowns; of weighted draws Kish's number."""
+        if self.log_weights is not None:
+            return Weights.of(self.log_weights).share * self.count
         return min(float(array_stats.ess(chain, method="bulk")) for chain in self.draws.transpose(2, 0, 1))
 
     def moments(self) -> dict[str, tuple[Matrix, Matrix]]:
-        """Means and variances of the unknowns, each with its Monte Carlo standard error.
+        """Means and variances of the unknowns, each with its Monte Carlo standard error. Of chains alone.
 
         A variance is the mean of squares: their own autocorrelation counts, which for NUTS is another than
         that of the draws (arviz-stats' error of a std takes that of the draws).
@@ -187,8 +196,23 @@ def stretch(case: Case, walkers: int, seconds: float) -> Found:
     return Found(scaled_chains(case, chains), max(spent for spent, _ in answers))
 
 
-def nuts(case: Case, python: Path, warmup: int, draws: int) -> Found | None:
-    """NumPyro's answer, after its density was compared with ours; None, and why is told, if there is none."""
+def weighed(case: Case, seconds: float) -> Found:
+    """Independent draws of zerobeam's own proposal on its own kernel, weighted, for about `seconds`."""
+    random = np.random.default_rng(SEED)
+    proposal = IndependenceProposal(np.zeros(case.size), np.eye(case.size), degrees_of_freedom(case.size))
+    drawn, log_weights = [], []
+    begun = time.perf_counter()
+    with ThreadPoolExecutor(THREADS) as pool:
+        while time.perf_counter() - begun < seconds or len(drawn) < THREADS:
+            some = [proposal.draw(ROWS, random) for _ in range(THREADS)]
+            drawn += some
+            log_weights += pool.map(lambda w: case.log_density(w) - proposal.log_density(w), some)
+    spent = time.perf_counter() - begun
+    return Found(scaled_chains(case, np.concatenate(drawn)[None]), spent, np.concatenate(log_weights))
+
+
+def peers(case: Case, python: Path, warmup: int, draws: int) -> dict[str, Found]:
+    """What each peer left, after their density was compared with ours; none, and why is told, if it fails."""
     problem, factor = case.problem, np.linalg.cholesky(case.fit.covariance)
     parameters, distances = problem.parameters, problem.distances
     points = case.parameters(2 * np.random.default_rng(SEED).normal(size=(20, case.size)))
@@ -213,18 +237,18 @@ def nuts(case: Case, python: Path, warmup: int, draws: int) -> Found | None:
         command = [str(python), str(PEERS_SIDE), str(given), str(answered)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
-            print(f"  NumPyro failed: {(done.stderr.strip().splitlines() or ['without a word'])[-1]}")
-            return None
+            print(f"  the peers failed: {(done.stderr.strip().splitlines() or ['without a word'])[-1]}")
+            return {}
         answer = dict(np.load(answered))
     own = case.density.log_posterior(points)
-    off = np.ptp(own - answer["checked"]) / np.ptp(own)
+    off = np.ptp(own - answer.pop("checked")) / np.ptp(own)
     verdict = "ours up to a constant" if off < SAME else "NOT OURS"
     print(f"  log-density in JAX at {len(points)} points: {verdict}, {off:.0e} of its range")
-    print(
-        f"  NUTS compiled and warmed up in {answer['before']:.1f} s (not counted),"
-        f" {answer['gradients'] / answer['z'].shape[0] / answer['z'].shape[1]:.1f} gradients a draw"
-    )
-    return Found(answer["z"], float(answer["seconds"]))
+    parts: dict[str, dict[str, Matrix]] = {}
+    for key, part in answer.items():
+        name, _, what = key.partition("|")
+        parts.setdefault(name, {})[what] = part
+    return {name: Found(p["z"], float(p["seconds"]), p.get("log_weights")) for name, p in parts.items()}
 
 
 def bare_loop_seconds(case: Case, x: np.ndarray) -> float | None:
@@ -269,14 +293,20 @@ def measure(case: Case, python: Path | None, ess: float, seconds: float, draws: 
     print(f"    bound by the kernel on {CORES} cores: {bound:,.0f} a second, of which {rate / bound:.0%}")
     for walkers in dict.fromkeys((max(64, 2 * case.size + 2), 1000)):
         told(f"emcee, stretch move, {walkers} walkers", stretch(case, walkers, seconds), rate)
+    told("zerobeam, importance sampling", weighed(case, seconds / 2), rate)
     if python is None:
-        print("  NumPyro left out: name the python of its environment by --peers")
+        print("  peers left out: name the python of their environment by --peers")
         return
     draws = draws if case.problem.shots < MANY else draws // 8
-    peer = nuts(case, python, draws // 4 if draws > 2000 else draws // 2, draws)
-    if peer is None:
+    left = peers(case, python, draws // 4 if draws > 2000 else draws // 2, draws)
+    for name, peer in left.items():
+        told(name, peer, rate)
+    if not left:
         return
-    told("NumPyro NUTS", peer, rate)
+    peer = max(
+        (peer for peer in left.values() if peer.log_weights is None),
+        key=lambda peer: peer.ess() / peer.seconds,
+    )
     for (name, (own, own_error)), (theirs, error) in zip(
         found.moments().items(), peer.moments().values(), strict=True
     ):
@@ -291,7 +321,8 @@ def told(name: str, found: Found, ours: float | None = None) -> float:
     print(
         f"  {name}: ESS {least:,.0f} of {found.count:,} draws (tau {found.count / least:.1f}) in"
         f" {found.seconds:.2f} s: {rate:,.0f} a second"
-        + ("" if ours is None else f"; ours {ours / rate:,.0f} times")
+        + ("" if ours is None else f"; zerobeam's chains {ours / rate:,.2g} times")
+        + ("" if found.log_weights is None else f"; Pareto k {Weights.of(found.log_weights).pareto_k:.2f}")
         # Chains that have hardly moved count for as much as their starts, drawn from the fit, were worth.
         + (": too few for so many chains to be believed" if least < TURNOVER * len(found.draws) else ""),
         flush=True,
@@ -321,7 +352,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--peers", type=Path, help="the python of an environment with numpyro")
+    parser.add_argument("--peers", type=Path, help="the python of an environment with numpyro and blackjax")
     parser.add_argument("--ess", type=float, default=50_000.0, help="asked of zerobeam (default 50,000)")
     parser.add_argument("--seconds", type=float, default=10.0, help="for emcee's stock move (default 10)")
     parser.add_argument("--draws", type=int, default=4000, help="of each chain of NUTS (default 4000)")
