@@ -29,7 +29,8 @@ from .continuous_design import (
     variance,
 )
 
-STARTS = 16
+_STARTS = 16
+_FEW_SHOTS, _STARTS_OF_FEW = 8, 64  # for E, up to so many: the local optima are many, a start is little work
 _SWEEPS = 30
 _NEAR = 400  # candidates among which the starts exchange, those of the largest gain at the optimum
 _LOOKED_AT = 1000  # candidates at most for one exchange, those of the largest gain
@@ -70,17 +71,19 @@ def design(
     counts: Sequence[int],
     criterion: Criterion,
     seed: int,
-    starts: int = STARTS,
+    starts: int | None = None,
     each: Each = map,
 ) -> Design:
     """Choose so many different candidates of each group by exchanges from several starts, with a bound on the
     best.
 
-    The starts are rounded from the continuous optimum and drawn at random (fixed by `seed`). For E the
-    best of them go on to exchanges of two measurements at once. `each` applies a function to every start,
-    and gives the answers in that order.
+    The starts (None: as many as usual) are rounded from the continuous optimum and drawn at random (fixed by
+    `seed`). For E the best of them go on to exchanges of two measurements at once. `each` applies a function
+    to every start, and gives the answers in that order.
     """
     shots, group = sum(counts), candidates.group
+    if starts is None:
+        starts = _STARTS_OF_FEW if criterion == "E" and shots <= _FEW_SHOTS else _STARTS
     ideal = continuous(candidates, counts, criterion, most=1 / shots)
     promising = np.argsort(-ideal.gain)
     nearest = [promising[group[promising] == g][: max(_NEAR, count)] for g, count in enumerate(counts)]

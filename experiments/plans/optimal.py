@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from ...analysis.design.continuous_design import Candidates, Criterion
-from ...analysis.design.exact_design import STARTS, Design, design
+from ...analysis.design.exact_design import Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.power import DetectionPower, WrongModel, change_risk, halves, powers
@@ -173,13 +173,15 @@ class Planner:
         criterion: Criterion = "A",
         *,
         seed: int = 0,
-        starts: int = STARTS,
+        starts: int | None = None,
     ) -> Proposal:
         """The best plan of that many measurements, or of so many by each instrument (by its label), that was
         found, with its certified efficiency."""
         return self._proposal(self._design(shots, criterion, seed, starts))
 
-    def _design(self, shots: int | Mapping[str, int], criterion: Criterion, seed: int, starts: int) -> Design:
+    def _design(
+        self, shots: int | Mapping[str, int], criterion: Criterion, seed: int, starts: int | None = None
+    ) -> Design:
         by_label = {self._labels[0]: shots} if isinstance(shots, int) else shots
         if set(by_label) != set(self._labels):
             raise BadInput(
@@ -217,7 +219,7 @@ class Planner:
         made: dict[int, Proposal] = {}
 
         def enough(shots: int) -> bool:
-            designs[shots] = self._design(shots, criterion, seed, STARTS)
+            designs[shots] = self._design(shots, criterion, seed)
             made[shots] = proposal = self._proposal(designs[shots])
             return proposal.worst <= tolerance and not proposal.lacking
 
