@@ -83,17 +83,17 @@ def _beam_axes(problem: Problem) -> Iterator[Change]:
     if not isinstance(tool, LaserBeam) or tool.direction is None:
         return
     robot = along_z(problem.robot)
-    fixed, stated = [*(joint.fixed for joint in robot.joints), robot.flange], tool.direction
+    fixed, along = [*(joint.fixed for joint in robot.joints), robot.flange], tool.direction
     axes = {
-        tuple((np.array(signs) * stated[list(order)] + 0.0).tolist())
+        tuple((np.array(signs) * along[list(order)] + 0.0).tolist())
         for order in permutations(range(3))
         for signs in product((1.0, -1.0), repeat=3)
     }
     lines = [axis for axis in sorted(axes) if axis > (0.0, 0.0, 0.0)]
     for direction in lines:
-        if abs(np.array(direction) @ stated) > 1 - _SAME_AXIS:
+        if abs(np.array(direction) @ along) > 1 - _SAME_AXIS:
             continue
-        turn, _ = Rotation.align_vectors([direction], [stated])
+        turn, _ = Rotation.align_vectors([direction], [along])
         turned = np.eye(4)
         turned[:3, :3] = turn.as_matrix()
         turned[:3, 3] = tool.point - turn.apply(tool.point)
