@@ -8,6 +8,7 @@ from ..analysis.answer.findings import FileWarning, OtherBasins
 from ..analysis.repeatability.compare import Comparison
 from ..analysis.repeatability.consistency import LEVEL, of_a_std
 from ..analysis.repeatability.repeats import (
+    AssumedInRun,
     PriorInEstimate,
     RunFinding,
     SharedDistances,
@@ -16,7 +17,8 @@ from ..analysis.repeatability.repeats import (
 )
 from .misfit_words import criterion_sentence
 from .numbers import p_words, times
-from .wording import WEAK, be, capital, listed
+from .observability import reason
+from .wording import WEAK, be, capital, label, listed
 
 
 def headline(runs: Comparison) -> str:
@@ -148,6 +150,13 @@ def sentence_of(finding: RunFinding) -> str:
             return (
                 "the geometry is estimated: what the arm's deviations add is the same in all runs; their"
                 " scatter is tested without it, and more runs do not lower it in the mean"
+            )
+        case AssumedInRun(name, why):
+            because = why if isinstance(why, str) else why and reason(why)
+            sentence = f"{label(name)} is assumed{f', {because}' if because else ''}"
+            return (
+                f"{sentence}. What was assumed is the same in every run, as long as nothing was mounted anew:"
+                " the scatter does not show it, and more runs do not make it better"
             )
         case PriorInEstimate(name):
             return (

@@ -221,7 +221,8 @@ class Undecided(OffsetChange):
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """The offsets of an arm over time.
+    """The offsets of an arm over time. An offset at a result is as uncertain as its noise and the drift make
+    it (`by_noise`), and as the geometry does, once.
 
     `smoothed` is of K drift rates with the `weights` (K,); `p_first` (T - 1, m) are the
     p-values of the first tests, before any jump was allowed, not multiplied, nan where no result determines
@@ -261,9 +262,9 @@ class Drift:
         """Its mean and variance (K,) for each of the rates."""
         self._require_determined(t, along)
         if t in (-1, len(self.series.observations) - 1):
-            mean, covariance = self.smoothed.last
+            mean, covariance = self.by_noise.last
         else:
-            mean, covariance = self.smoothed.mean[:, t], self.smoothed.covariance[:, t]
+            mean, covariance = self.by_noise.mean[:, t], self.by_noise.covariance[:, t]
         variance = np.einsum("i,kij,j->k", along, covariance, along) + self.shared_variance(along)
         return mean @ along, variance
 
@@ -272,6 +273,16 @@ class Drift:
         if len(lost):
             names = ", ".join(self.series.names[i] for i in lost)
             raise UnsoundResult(f"no result since the last reset determines {names}")
+
+    @cached_property
+    def by_noise(self) -> Smoothed:
+        """The states for the same rates and weights, by results as uncertain as their noise makes them: what
+        the geometry adds is added once (`shared_variance`), not of each result and again."""
+        observations = self.series.observations
+        if not any(one.shared.any() for one in observations):
+            return self.smoothed
+        alone = tuple(replace(one, shared=np.zeros_like(one.shared)) for one in observations)
+        return smooth(replace(self.series, observations=alone), self.rates, self.smoothed.jumps)
 
     def shared_variance(self, along: Matrix) -> float:
         """The variance by deviations of the geometry, which many results do not average out: the largest of

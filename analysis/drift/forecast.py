@@ -101,7 +101,7 @@ def bands(drift: Drift, offset: str, ahead_years: float = 0.0) -> Iterator[Band]
         yield Band(at, *_interval(drift, j, *_between(drift, j, before, share)))
         if end == last and ahead_years > 0:
             years = ahead_years * np.linspace(0, 1, 13) ** 2
-            now, covariance = drift.smoothed.last
+            now, covariance = drift.by_noise.last
             mean = np.repeat(now[:, j, None], len(years), axis=1)
             variance = covariance[:, j, j, None] + drift.rates[:, j, None] ** 2 * years
             yield Band(times[-1] + years, *_interval(drift, j, mean, variance), forecast=True)
@@ -112,9 +112,9 @@ def _between(drift: Drift, j: int, before: Matrix, share: Matrix) -> tuple[Matri
     last = len(drift.series.observations) - 1
     after = np.minimum(before + 1, last)
     gap = np.minimum(before, last - 1)
-    state, spread = drift.smoothed.mean[:, :, j], drift.smoothed.covariance[:, :, j, j]
+    state, spread = drift.by_noise.mean[:, :, j], drift.by_noise.covariance[:, :, j, j]
     a, b = spread[:, before], spread[:, after]
-    common = (a + b - drift.smoothed.step_variance[:, gap, j]) / 2
+    common = (a + b - drift.by_noise.step_variance[:, gap, j]) / 2
     step_variance = drift.rates[:, j, None] ** 2 * drift.series.gaps[gap]
     rest = 1 - share
     mean = rest * state[:, before] + share * state[:, after]

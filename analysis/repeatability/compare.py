@@ -49,13 +49,15 @@ class ComparedOffset:
 
     `predicted_std` is the root mean square of the scatter that the runs predict, their standard uncertainties
     without what the geometry adds to all of them; it and `test` are None where nothing is predicted.
-    `unvalidated`: it is so in a run that its numbers are from, and so are they.
+    `unvalidated`: it is so in a run that its numbers are from, and so are they; `assumed`: as good as what
+    one of these runs assumes.
     """
 
     name: str
     unit: str
     runs: Annotated[int, it("in how many runs it is identifiable; 0: it is not compared, all else is null")]
     unvalidated: Annotated[bool, it("the model does not describe a run that its numbers are from")]
+    assumed: Annotated[bool, internal]
     mean: Annotated[Mean | None, inline(value="mean", interval95="mean_interval95", by="mean_by")]
     scatter: Annotated[Scatter | None, inline(std="std", interval95="std_interval95")]
     predicted_std: Annotated[float | None, it("root mean square of the predicted ones")]
@@ -265,6 +267,7 @@ class Comparison:
                     unit=units[i],
                     runs=len(sample_of_offset.values),
                     unvalidated=any(repeats[r].status[i] == "unvalidated" for r in used),
+                    assumed=any(repeats[r].status[i] == "assumed" for r in used),
                     mean=mean_of(sample, i, verdict == "agrees"),
                     scatter=scatter(sample_of_offset),
                     predicted_std=None if tests[i] is None else sample_of_offset.predicted_std,

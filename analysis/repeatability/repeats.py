@@ -32,6 +32,7 @@ from ..answer.result import RESULT_SCHEMA, Result, parse_result
 from ..estimation.threads import one_blas_thread
 from ..ladder import solve_run
 from ..misfit import Criterion, LackOfFit
+from ..observability.causes import Cause
 from ..solution import Solution, require_noise_data, undecided_names
 from ..status import LACK_OF_FIT, RepeatStatus
 from .consistency import without_prior
@@ -49,6 +50,14 @@ class SharedDistances:
 @dataclass(frozen=True)
 class SharedTolerances:
     """The run frees the geometry, of which other runs of the arm have the same deviations."""
+
+
+@dataclass(frozen=True)
+class AssumedInRun:
+    """An offset is as good as what was assumed of an instrument: the cause, or its words in a result."""
+
+    name: str
+    why: Cause | str | None
 
 
 @dataclass(frozen=True)
@@ -71,6 +80,7 @@ RunFinding = (
     | OtherBasins
     | SharedDistances
     | SharedTolerances
+    | AssumedInRun
     | PriorInEstimate
     | FileWarning
 )
@@ -156,6 +166,8 @@ def _of_result(result: Result, name: str) -> Repeat:
             status.append(row.status if without_prior else "prior")
             if not without_prior:
                 findings.append(PriorInEstimate(row.name))
+        if status[-1] == "assumed":
+            findings.append(AssumedInRun(row.name, row.reason))
         share, std = row.tolerance_share or 0.0, row.std or math.nan
         value.append(_within(row.estimate or 0.0) if without_prior else math.nan)
         variance.append((1 - share) * (_within(std) / scale) ** 2 if without_prior else math.nan)
@@ -353,6 +365,9 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
         yield SharedDistances()
     if len(solution.problem.tolerated):
         yield SharedTolerances()
+    for row in solution.parameters:
+        if row.group == "offset" and row.status == "assumed":
+            yield AssumedInRun(row.name, row.cause)
 
 
 def read_repeats(runs: Sequence[Path | Run], seed: int, progress: Progress) -> tuple[Kind, list[Repeat]]:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
+from functools import cached_property
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -148,18 +149,24 @@ class ArmDrift:
     def next_due(self) -> Due:
         return Due(self.tolerance_mm, self.due, self.due_reason)
 
+    @cached_property
+    def assumed(self) -> frozenset[str]:
+        """The offsets for which a result since the last mastering rests on an assumption."""
+        begin = 0 if self.drift is None else max((t + 1 for t in self.drift.series.reset), default=0)
+        rows = (row for result in self.used[begin:] for row in result.offsets)
+        return frozenset(row.name for row in rows if row.status == "assumed")
+
     def _now(self, name: str) -> DriftingOffset:
         """An offset at the last result."""
         assert self.drift is not None
         drift, series = self.drift, self.drift.series
-        i, begin = series.names.index(name), max((t + 1 for t in series.reset), default=0)
+        i = series.names.index(name)
         along, known = np.eye(len(series.names))[i], bool(series.determined[-1, i])
-        statuses = {row.status for result in self.used[begin:] for row in result.offsets if row.name == name}
         value, std = drift.value(-1, along) if known else (None, None)
         return DriftingOffset(
             name,
             series.units[i],
-            ("assumed" if "assumed" in statuses else "identified") if known else "unidentifiable",
+            ("assumed" if name in self.assumed else "identified") if known else "unidentifiable",
             value,
             std,
             drift.interval(-1, along) if known else None,

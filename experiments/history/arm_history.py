@@ -41,6 +41,7 @@ class ClearestJump:
     before: Moment
     p_value: float
     events: Annotated[int, it("how many were logged in between")]
+    assumed: Annotated[bool, internal] = False
 
 
 @record(kw_only=True)
@@ -153,7 +154,9 @@ class ArmHistory:
             next_due=self.arm.next_due,
             clearest_jump=None
             if jump is None
-            else ClearestJump(jump.offset, jump.before, jump.p_value, len(jump.events)),
+            else ClearestJump(
+                *(jump.offset, jump.before, jump.p_value, len(jump.events)), jump.offset in self.arm.assumed
+            ),
         )
 
 

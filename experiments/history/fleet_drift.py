@@ -37,15 +37,16 @@ class ModelWalk:
     """How fast an offset of a model walks: the `median` of its arms and their scatter `between` (standard
     deviation of the natural logarithm); None where no arm determines it.
 
-    `arms` is how many do. `noticed` is the median standard uncertainty of a result: `probability` is that the
-    median arm walks farther in a year, and `drifts` whether this is said of the model, with all false alarms
-    of the fleet below the stated probability. `biased` are instruments that may be biased in this
-    offset and measured arms of the model.
+    `arms` is how many do; `assumed`: in one of them the offset rests on an assumption. `noticed` is the
+    median standard uncertainty of a result: `probability` is that the median arm walks farther in a year, and
+    `drifts` whether this is said of the model, with all false alarms of the fleet below the stated
+    probability. `biased` are instruments that may be biased in this offset and measured arms of the model.
     """
 
     model: str
     offset: str
     unit: str
+    assumed: Annotated[bool, internal]
     arms: Annotated[int, it("how many determine the drift rate")]
     median: Annotated[Rate | None, it("of the median arm; null where not determined", name="rate")]
     between: Annotated[
@@ -222,6 +223,7 @@ def _model_walks(
             model=model,
             offset=offset,
             unit=units[offset],
+            assumed=any(offset in arm.assumed for arm, _ in members),
             arms=sum(offset in arm.series.names and arm.determines_rate(offset) for _, arm in members),
             median=Rate(*rates.median(offset), rates.effective) if known else None,
             between=Rate(*rates.between(offset), rates.effective) if known else None,

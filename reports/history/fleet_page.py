@@ -117,7 +117,12 @@ def _every(fleet: Fleet) -> Table:
 
 
 def _state(row: ArmState) -> str:
-    return ": ".join(filter(None, (row.state, clearest_jump(row.clearest_jump, row.undecided))))
+    return ": ".join(filter(None, (row.state, _clearest(row))))
+
+
+def _clearest(row: ArmState) -> str:
+    jump = row.clearest_jump
+    return clearest_jump(jump, row.undecided, jump is not None and jump.assumed)
 
 
 def _about() -> Iterator[tuple[str, str]]:

@@ -64,7 +64,7 @@ def arms_table(arms: Sequence[Arm], judged: Sequence[Judged]) -> Table:
 
 def results_table(results: Sequence[StoredResult], judged: Sequence[Judged]) -> Table:
     """The results of an arm in the order of time, and what each is worth: an offset a column."""
-    return table_by(
+    table = table_by(
         f"{counted(len(results), 'result')}, ± standard uncertainty",
         list(zip(results, judged, strict=True)),
         {
@@ -75,6 +75,7 @@ def results_table(results: Sequence[StoredResult], judged: Sequence[Judged]) -> 
         "llr",
         tone=lambda row: _tone(row[1]),
     )
+    return replace(table, in_parts=True)
 
 
 def verdict_cell(verdict: Verdict, judged: Judged, simulated: bool) -> Cell:
@@ -168,6 +169,8 @@ def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
         yield Paragraph(f"{BAND}.")
     if arm.drift is not None:
         yield from jumps_blocks(arm)
+        if resting := changes_of_assumed(arm):
+            yield Paragraph(f"{resting}.")
         yield from offsets_blocks(arm)
         if arm.drift.effective < FEW:
             yield Paragraph(f"{FEW_RATES}.")
@@ -196,7 +199,8 @@ def arms_drift_table(arms: Sequence[ArmDrift]) -> Table:
 
     def clearest(arm: ArmDrift) -> str:
         jump = min(arm.jumps, key=lambda jump: jump.p_value, default=None)
-        return clearest_jump(jump, len(arm.undecided)) or _NONE
+        assumed = jump is not None and jump.offset in arm.assumed
+        return clearest_jump(jump, len(arm.undecided), assumed) or _NONE
 
     caption = "Drift of all arms"
     if len({arm.simulated for arm in arms}) > 1:
@@ -220,7 +224,7 @@ def offsets_blocks(arm: ArmDrift) -> Iterator[Block]:
     """Every offset at the last result, and how fast it walks; which of them are only as good as what was
     assumed."""
     yield table_by(
-        "Offsets by all results, and their drift rate per root year",
+        "Offsets by all results, ± standard uncertainty, and their drift rate per root year",
         arm.offsets,
         {
             "offset": lambda row: label(row.name),
@@ -279,14 +283,16 @@ def jumps_blocks(arm: ArmDrift) -> Iterator[Block]:
 
 def changes_of_assumed(arm: ArmDrift) -> str:
     """On what the changes of assumed offsets depend; empty where none changed."""
-    assumed = {offset.name for offset in arm.offsets if offset.status == "assumed"}
-    changed = dict.fromkeys(one.offset for one in (*arm.jumps, *arm.undecided) if one.offset in assumed)
-    if not changed:
+    changed = dict.fromkeys(one.offset for one in (*arm.jumps, *arm.undecided) if one.offset in arm.assumed)
+    return _of_assumed(list(changed), "change", "arm's")
+
+
+def _of_assumed(offsets: Sequence[str], what: str, whose: str) -> str:
+    if not offsets:
         return ""
-    names, changes = listed([label(name) for name in changed]), "Its change is"
-    if len(changed) > 1:
-        changes = "Their changes are"
-    return f"{names}: assumed. {changes} the arm's only if tool and instrument were not mounted anew"
+    subject = f"Their {what}s are" if len(offsets) > 1 else f"Its {what} is"
+    names = listed([label(name) for name in offsets])
+    return f"{names}: assumed. {subject} the {whose} only if tool and instrument were not mounted anew"
 
 
 def without_jump(arm: ArmDrift) -> str:
@@ -330,10 +336,10 @@ def _happened(change: DatedChange) -> Iterator[str]:
         yield f"instrument {changed}, a possible cause: {before} to {after}"
 
 
-def clearest_jump(jump: DatedChange | ClearestJump | None, undecided: int) -> str:
+def clearest_jump(jump: DatedChange | ClearestJump | None, undecided: int, assumed: bool) -> str:
     """In a list of arms: offset of a jump and the result that shows it, or how many changes may be one."""
     if jump is not None:
-        return f"{label(jump.offset)}, {jump.before:%Y-%m-%d}"
+        return f"{label(jump.offset)}{' (assumed)' * assumed}, {jump.before:%Y-%m-%d}"
     return f"{undecided} undecided" if undecided else ""
 
 
@@ -341,6 +347,9 @@ def fleet_blocks(fleet: FleetDrift) -> Iterator[Block]:
     """How fast each model walks, the fastest arms, the instruments, and what is not determined."""
     if fleet.models:
         yield _models(fleet)
+        assumed = dict.fromkeys(row.offset for row in fleet.models if row.assumed)
+        if resting := _of_assumed(list(assumed), "drift", "arms'"):
+            yield Paragraph(f"{resting}.")
         yield _fastest(fleet)
     yield from _about_arms(fleet)
     yield from _instrument_blocks(fleet)
@@ -365,7 +374,7 @@ def _digits(rate: Rate) -> int:
 def _models(fleet: FleetDrift) -> Table:
     columns: Columns[ModelWalk] = {
         "model": lambda row: _model(fleet, row.model),
-        "offset": lambda row: label(row.offset),
+        "offset": _of_model,
         "arms": lambda row: str(row.arms),
         "drift rate": lambda row: "not known" if row.median is None else rate_words(row.median, row.unit),
         "95 % interval": lambda row: "" if row.median is None else ends_words(row.median),
@@ -393,6 +402,10 @@ def _model(fleet: FleetDrift, model: str) -> str:
     return "" if len({one.model for one in fleet.models}) == 1 else clipped(model, 20)
 
 
+def _of_model(model: ModelWalk) -> Cell:
+    return Cell(label(model.offset), mark="assumed" if model.assumed else "")
+
+
 def _cause(model: ModelWalk) -> str:
     if not model.biased:
         return ""
@@ -411,7 +424,7 @@ def _fastest(fleet: FleetDrift) -> Table:
     columns: Columns[tuple[ArmWalks, ArmWalk, Rate, ModelWalk]] = {
         "arm": lambda row: clipped(row[0].serial, 16),
         "model": lambda row: _model(fleet, row[0].model),
-        "offset": lambda row: label(row[1].offset),
+        "offset": lambda row: _of_model(row[3]),
         "drift rate": lambda row: rate_words(row[2], row[1].unit),
         "95 % interval": lambda row: ends_words(row[2]),
         "mostly by": lambda row: "; ".join(
@@ -445,6 +458,7 @@ def _instrument_blocks(fleet: FleetDrift) -> Iterator[Block]:
             fleet.biases, key=lambda bias: (not bias.alarm, bias.p_value, -abs(bias.estimate) / bias.std)
         )
         most = max(sum(bias.alarm for bias in ordered), _MOST)
+        assumed = {row.offset for row in fleet.models if row.assumed}
         caption = (
             "Biases of instruments, less the mean of those they are comparable to; p-values adjusted for the"
             f" number of tests (Bonferroni); an alarm below {fleet.alarm:g}"
@@ -454,7 +468,7 @@ def _instrument_blocks(fleet: FleetDrift) -> Iterator[Block]:
         columns: Columns[Bias] = {
             "instrument": lambda bias: clipped(bias.instrument, 24),
             "less": lambda bias: listed([clipped(name, 24) for name in bias.against], 3),
-            "offset": lambda bias: label(bias.offset),
+            "offset": lambda bias: Cell(label(bias.offset), mark="assumed" if bias.offset in assumed else ""),
             "difference": lambda bias: _with_u(bias.estimate, bias.std, bias.unit),
             "95 % interval": lambda bias: numbers.interval(bias.interval95, bias.std),
             "p-value": lambda bias: numbers.p_value(bias.p_value),

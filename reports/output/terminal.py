@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -215,8 +215,22 @@ def _print_table(out: Console, table: Table) -> None:
 
 def print_rows(out: Console, table: Table) -> None:
     """All rows of a table, however many they are."""
-    for line in table_lines(table, out.width):
-        out.print(line, soft_wrap=True)
+    for part in _parts(table, out.width) if table.in_parts else [table]:
+        for line in table_lines(part, out.width):
+            out.print(line, soft_wrap=True)
+
+
+def _parts(table: Table, width: int) -> Iterator[Table]:
+    """The first column with as many of the others as fit beside it, then with those that follow."""
+    sizes, begin = _sizes(table, len(table.columns) * width), 1
+    while begin < len(sizes):
+        room, end = width - sizes[0], begin
+        while end < len(sizes) and (end == begin or sizes[end] + len(_GAP) <= room):
+            room, end = room - sizes[end] - len(_GAP), end + 1
+        kept = [0, *range(begin, end)]
+        rows = [replace(row, cells=[row.cells[k] for k in kept]) for row in table.rows]
+        yield replace(table, columns=[table.columns[k] for k in kept], rows=rows)
+        begin = end
 
 
 def table_lines(table: Table, width: int) -> list[Text]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
@@ -101,9 +102,14 @@ def _means_row(row: ComparedOffset, published: bool) -> Row:
     if row.mean is None or row.scatter is None:
         return row_of(label(row.name), Cell(_NOT_COMPARED, span=4), tone="unidentifiable")
     mean = _mean(row.mean, row.scatter, row.unit, published)
-    name = f"{label(row.name)}, unvalidated" if row.unvalidated else label(row.name)
-    tone = "unvalidated" if row.unvalidated else ""
+    tone = "unvalidated" if row.unvalidated else "assumed" if row.assumed else ""
+    name = replace(_named(row), text=", ".join(filter(None, (label(row.name), tone))))
     return row_of(name, *mean, _range(row.scatter.interval95, row.unit), tone=tone)
+
+
+def _named(row: ComparedOffset) -> Cell:
+    """An offset, and whether it rests on what was assumed."""
+    return Cell(label(row.name), mark="assumed" if row.assumed and not row.unvalidated else "")
 
 
 def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]:
@@ -128,7 +134,7 @@ def _prediction(comparison: Comparison) -> Table | None:
     columns = ["offset", "observed", "predicted", "observed / predicted", "95 % interval", "p-value"]
     rows = [
         row_of(
-            label(row.name),
+            _named(row),
             _spread(row.scatter.std, row.unit),
             _spread(row.predicted_std, row.unit),
             numbers.times(row.test.ratio),
@@ -174,12 +180,12 @@ def _drift(comparison: Comparison) -> Iterator[Block]:
 def _drift_row(row: ComparedOffset, comparison: Comparison) -> Row:
     drift = row.drift
     if drift is None:
-        return row_of(label(row.name), Cell("not determined", span=3), tone="unidentifiable")
+        return row_of(_named(row), Cell("not determined", span=3), tone="unidentifiable")
     low, high = drift.interval95
     spread, at = (high - low) / (2 * NORMAL_95), "h" if comparison.by_time else "run"
     unit = f"{'°' if row.unit == 'deg' else f' {row.unit}'}/{at}"
     return row_of(
-        label(row.name),
+        _named(row),
         f"{numbers.estimate(drift.slope, spread)}{unit}",
         f"{numbers.interval((low, high), spread)}{unit}",
         numbers.p_value(drift.p_holm),
@@ -219,12 +225,13 @@ def _runs(comparison: Comparison) -> Table:
     return table_of(caption, columns, rows)
 
 
-def _estimate(offset: OffsetOfRun) -> str:
+def _estimate(offset: OffsetOfRun) -> str | Cell:
     if offset.estimate is None:
         return _NO_NUMBER.get(offset.status, _NOT_GIVEN)
     if offset.std is None:
         return numbers.exact(offset.estimate, offset.unit)
-    return f"{numbers.estimate(offset.estimate, offset.std)} ± {_spread(offset.std, offset.unit)}"
+    text = f"{numbers.estimate(offset.estimate, offset.std)} ± {_spread(offset.std, offset.unit)}"
+    return Cell(text, mark="assumed" if offset.status == "assumed" else "")
 
 
 def _on_the_outlier(comparison: Comparison) -> str:

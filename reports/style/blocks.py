@@ -48,12 +48,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with a caption and a head; `screen_only`: paper has it not."""
+    """A table with a caption and a head; `screen_only`: paper has it not; `in_parts`: where lines are too
+    short for all columns, those that are left follow below, behind the first."""
 
     caption: str
     columns: Sequence[Column]
     rows: Sequence[Row]
     screen_only: bool = False
+    in_parts: bool = False
     kind: ClassVar[str] = "table"
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from unittest import mock
 
@@ -40,6 +41,11 @@ def test_what_was_added_is_listed_and_shown(kept: Path) -> None:
     shown = zerobeam("history", "show", "A-1")
     assert "2025-01-31" in shown.out
     assert "motor" in shown.out
+    # A result is a line, in 80 columns: what does not fit follows below, behind the date.
+    rows = [line for line in shown.out.splitlines() if re.search(r"\d ± \d", line)]
+    assert len(rows) == 4
+    assert all(row.startswith("202") and len(row) <= 80 and row.endswith("°") for row in rows)
+    assert sum(row.count("±") for row in rows) == 10
     plain = zerobeam("history", "show", "A-1", "--json").json
     assert plain["events"] == [
         {

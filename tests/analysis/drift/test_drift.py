@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from drifting import NAMES, steady
+from drifting import COVARIANCE, NAMES, steady
 from scipy.stats import norm
 
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, drift, mixture_interval
+from zerobeam.analysis.drift.forecast import bands
 from zerobeam.analysis.drift.importance import ENOUGH
 from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
 from zerobeam.model.arrays import Matrix
@@ -161,6 +163,24 @@ def test_deviations_of_the_geometry_do_not_average_out() -> None:
     own = steady()
     with_geometry = replace(own, observations=tuple(replace(one, shared=shared) for one in own.observations))
     assert drift(with_geometry).value(11, np.array([1.0, 0.0]))[1] > 0.05
+
+
+def test_a_result_behind_new_zeros_has_its_own_u() -> None:
+    """Of noise and geometry, each once: the geometry was counted twice, and the u of a result 1.4 times so
+    large where it has most part in it."""
+    series = replace(steady(), reset=(10,))
+    shared = 4 * COVARIANCE
+    whole = tuple(replace(one, shared=shared) for one in series.observations)
+    found, alone = drift(replace(series, observations=whole)), drift(series)
+    for along in np.eye(2):
+        u = math.sqrt(along @ (COVARIANCE + shared) @ along)
+        assert found.value(11, along)[1] == pytest.approx(u, rel=1e-9)
+        low, high = found.interval(11, along)
+        assert high - low == pytest.approx(2 * norm.ppf(0.975) * u, rel=1e-6)
+        # The average of many has less noise, and no less of the geometry.
+        of_many, of_noise = found.value(5, along)[1], alone.value(5, along)[1]
+        assert of_many == pytest.approx(math.sqrt(of_noise**2 + along @ shared @ along), rel=0.02)
+    assert list(bands(found, "delta3"))[-1].high[-1] == pytest.approx(found.interval(11, np.eye(2)[1])[1])
 
 
 def test_one_result_says_nothing_of_drift() -> None:

@@ -69,6 +69,26 @@ def written(folder: Path, given: dict[str, ArmHistory]) -> Fleet:
     return write_fleet(folder, arms, of, 0.5, AS_OF, lambda stage, share: None)
 
 
+def test_what_is_assumed_of_all_arms_is_not_shown_as_measured() -> None:
+    """J6 rests on the laser's mounting in every result: so do its drift, its biases and its jumps."""
+    of_arms = [
+        arm_history(over_years(6, serial=serial, jump=(3, 4, 9.0), psd=psd))
+        for serial, psd in (("A", "old"), ("B", "new"))
+    ]
+    together = fleet_drift([own.arm for own in of_arms])
+    models, fastest = [block for block in fleet_blocks(together) if isinstance(block, Table)][:2]
+    for table, column in ((models, 0), (fastest, 1)):
+        cells = [row.cells[column] for row in table.rows]
+        assert {cell.mark for cell in cells if cell.text == "J6 (δ6)"} == {"assumed"}
+        assert {cell.mark for cell in cells if cell.text != "J6 (δ6)"} == {""}
+    words = "J6 (δ6): assumed. Its drift is the arms' only if tool and instrument were not mounted anew."
+    assert words in [getattr(block, "text", "") for block in fleet_blocks(together)]
+    page = fleet_page(
+        Fleet(tolerance_mm=0.5, drift=together, arms=tuple(own.row for own in of_arms), asked=AS_OF)
+    )
+    assert "J6 (δ6) (assumed), " in Page(html(page, {}, "study")).words
+
+
 def test_the_gravest_come_first() -> None:
     early, late = AS_OF + timedelta(days=40), AS_OF + timedelta(days=400)
     own = fleet(

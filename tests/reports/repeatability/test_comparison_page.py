@@ -14,7 +14,9 @@ import numpy as np
 import pypdf
 import pytest
 from command_line import WIDTH
+from exact_runs import demo_runs
 from example_results import HOSTILE_NAMES
+from histories import a_result, write_result
 from pages import Page, assert_fetches_nothing
 from repeated_runs import COVARIANCE, drawn, repeat, repeats, table_file
 from rich.console import Console
@@ -135,6 +137,23 @@ def test_the_tables_say_what_the_answer_says() -> None:
     assert view.verdict.word == "Does not agree"
     assert comparison_page(answer()).verdict.word == "Agrees"
     assert not any("outlier" in row[3] for row in table(comparison_page(answer()), "Each run against"))
+
+
+def test_what_is_assumed_is_not_shown_as_measured(tmp_path: Path) -> None:
+    """Of runs, and of their results: the word and the reason of the report stand beside the judgement."""
+    results = [write_result(tmp_path / f"{k}.json", a_result(when=f"2026-01-0{k}")) for k in (1, 2)]
+    demos = [demo.path for demo in demo_runs() if demo.name in ("good", "x-pattern")]
+    for told in (compare(results), compare(demos)):
+        page, assumed = comparison_page(told), [own.name for own in told.offsets if own.assumed]
+        assert assumed == ["delta6"]
+        means = next(block for block in page.sections[0].all if isinstance(block, blocks.Table))
+        assert [(row.cells[0].text, row.cells[0].mark) for row in means.rows][-2:] == [
+            ("J5 (δ5)", ""),
+            ("J6 (δ6), assumed", "assumed"),
+        ]
+        reasons = [note for note in page.notes if "mounted anew" in note]
+        assert reasons
+        assert all(": J6 (δ6) is assumed, as good as the laser's mounting: " in note for note in reasons)
 
 
 def test_what_no_run_determines_is_shown_without_a_number() -> None:
