@@ -320,7 +320,12 @@ def _joints(readings: Sequence[Mapping[str, str | float]]) -> str:
 
 
 def _choices(event: Doubted) -> str:
-    words = [_ANSWERS.get(answer, f"'{answer}' takes it for that posture") for answer in event.answers]
+    words = [
+        f"'{answer}' repeats that measurement"
+        if answer.startswith("redo ")
+        else _ANSWERS.get(answer, f"'{answer}' takes it for that posture")
+        for answer in event.answers
+    ]
     return f" {'; '.join(words)}; or type again." if words else ""
 
 

@@ -54,6 +54,11 @@ def test_what_a_person_is_asked_is_counted_as_in_the_terminal(tmp_path: Path) ->
     ]
 
 
+def test_an_answer_to_a_doubt_is_a_button_that_says_what_it_does(tmp_path: Path) -> None:
+    told = paged(tmp_path, "measure/Hand.js", "input.map(m.answerText)", ["yes", "as 4", "redo 2"])
+    assert told == ["Record it all the same", "It is measurement 4", "Repeat measurement 2"]
+
+
 def test_readings_that_could_be_misread_are_not_sent(tmp_path: Path) -> None:
     texts = {
         "1234,5 20 300": [1234.5, 20, 300], "1.5; 2; 3": [1.5, 2, 3], "1.234,5 20 300": None,

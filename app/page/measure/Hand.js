@@ -14,8 +14,9 @@ const PATIENCE_MS = 2000; // until values that bring no answer count as too few
 const ANSWERS = { yes: "Record it all the same", rad: "They are radians", metres: "They are metres" };
 /** @type {Record<string, number>} */
 const DIGITS = { rad: 4, pulse: 0 };
-/** The server asks by the numbers of files. @param {string} word */
-const answerText = (word) => ANSWERS[word] ?? `It is measurement ${word.slice(3)}`;
+/** What takes an answer; the server asks by the numbers of files. @param {string} word */
+export const answerText = (word) => ANSWERS[word]
+  ?? (word.startsWith("redo ") ? `Repeat measurement ${word.slice(5)}` : `It is measurement ${word.slice(3)}`);
 
 /**
  * Counted as the terminal does.
@@ -43,10 +44,10 @@ export function numbersOf(read, text) {
 
 /**
  * @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null,
- *   doubt: import("./events.js").Doubt | null, live?: boolean}} props `reading`: what is read, once the joints are
- *   taken; `live`: the joints are read from the controller
+ *   doubt: import("./events.js").Doubt | null, suspect?: number | null, live?: boolean}} props `reading`: what is read, once the joints are
+ *   taken; `suspect`: a measurement that contradicts the others; `live`: the joints are read from the controller
  */
-export function Hand({ asked, reading, doubt, live = false }) {
+export function Hand({ asked, reading, doubt, suspect = null, live = false }) {
   const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null));
   const first = useRef(/** @type {HTMLInputElement | null} */ (null));
   const text = useSignal(""), texts = useSignal(/** @type {Record<string, string>} */ ({})), problem = useSignal("");
@@ -87,6 +88,7 @@ export function Hand({ asked, reading, doubt, live = false }) {
   };
   const words = problem.value
     || (doubt === null ? "" : doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`);
+  const answers = [...(doubt?.answers ?? []), ...(suspect === null ? [] : [`redo ${suspect}`])];
   return html`
     <form class="hand" aria-label="The next posture"
       onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); record(); }}>
@@ -112,9 +114,9 @@ export function Hand({ asked, reading, doubt, live = false }) {
             onInput=${heard((line) => { texts.value = { ...texts.value, [read.key]: line }; problem.value = ""; })}
               onKeyDown=${enter} /></label>`)}
       <div id="hand-doubt" role="alert">${words && html`<p class="error">${words}</p>`}
-        ${doubt !== null && doubt.answers.length > 0 && html`
+        ${answers.length > 0 && html`
           <div class="bar">
-            ${doubt.answers.map((word) => html`
+            ${[...new Set(answers)].map((word) => html`
               <button type="button" key=${word} onClick=${() => send(word)}>${answerText(word)}</button>`)}</div>`}
       </div>
       <p class="bar">

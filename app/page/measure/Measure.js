@@ -180,7 +180,8 @@ export function Measure() {
         one can begin once it has ended.</p>`}
     ${confirming && html`<${Confirm} text=${seen.confirm} />`}
     ${byHand && html`
-      <${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt} live=${seen.rig === "live"} />`}
+      <${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt}
+        suspect=${seen.suspect?.shot ?? null} live=${seen.rig === "live"} />`}
     ${!underWay.value && html`
       <${Unfinished} /><h2>${following ? "Another run" : "Carry the plan out"}</h2>
       <${Start} plan=${plan} rigs=${offered.value?.of === plan ? offered.value.rigs : null}

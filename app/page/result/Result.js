@@ -87,8 +87,9 @@ function Inspector({ found }) {
     <${Front} found=${found} />
     <${Offsets} found=${found} />
     <${Fold} title="What to do next"><${Steps} found=${found} /><//>
-    ${found.run && html`<${Fold} title="Export to a controller"><${Exports} key=${found.run} run=${found.run} /><//>
-    <${Fold} title="My programs"><${MyPrograms} key=${found.run} run=${found.run} /><//>`}
+    ${found.run && html`<${Fold} title="Export to a controller"><${Exports} key=${found.run} run=${found.run} /><//>`}
+    ${found.run && !isSimulated(found) && html`
+      <${Fold} title="My programs"><${MyPrograms} key=${found.run} run=${found.run} /><//>`}
     ${found.file && html`
       <${Fold} title="Posterior of the offsets, pair by pair"><${Pairs} key=${found.file} found=${found} /><//>`}
     <${Fold} title="History of this arm, and drift"><${History} serial=${serial} run=${found.run} /><//>

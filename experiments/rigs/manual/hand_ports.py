@@ -318,7 +318,9 @@ class HandPorts(Ports):
         last = shots[-1] if shots and not text else None
         repeated = int(text) if text.isdecimal() else last
         if repeated is None or repeated not in shots:
-            self._say(number, "unreadable", f"there is no measurement {f'{text} ' if text else ''}to repeat")
+            answers = [f"redo {shots[-1]}"] if shots and self.lines.confirms else []
+            sentence = f"there is no measurement {f'{text} ' if text else ''}to repeat"
+            self._say(number, "unreadable", sentence, answers)
             return
         raise TakenBack(repeated)
 
