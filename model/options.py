@@ -302,7 +302,7 @@ def names_typed(text: str) -> list[str]:
 
 USUAL_REPEATS = 2  # measurements that a plan, or an adaptive run, makes again at its end
 Seed = Annotated[
-    int, Option("Random seed: the same seed gives the same answer.", least=0, label="Random seed", rare=True)
+    int, Option("Random seed: the same seed gives the same answer.", least=0, label="Random seed")
 ]
 JOINT_3 = "Joint 3 is counted from"  # as forms call it
 J3Origin = Annotated[

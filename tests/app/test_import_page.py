@@ -226,7 +226,9 @@ def test_the_page_is_used_by_the_keyboard_alone(folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_what_cannot_be_imported_is_said_where_it_is(folder: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_imported_is_said_where_it_is_and_what_is_wrong_in_a_header(
+    folder: Path, tmp_path: Path
+) -> None:
     """One that the server refuses, one that is not sent, one whose name is taken; a column with NaN."""
     (tmp_path / "prose.csv").write_text("Dear all,\nplease find\n")
     (folder / "arm").mkdir()
@@ -235,6 +237,8 @@ def test_what_cannot_be_imported_is_said_where_it_is(folder: Path, tmp_path: Pat
     with (tmp_path / "large.csv").open("wb") as file:
         file.truncate(65 * 10**6)
     (tmp_path / "shots.csv").write_text(SHOTS.replace("31.0", "nan", 1))
+    key = "document.querySelector('.header-form [data-key=\"{}\"] {}')".format
+    errors = "[...document.querySelectorAll('.header-form .error')]"
     with page(folder) as tab:
         give(tab, select("Calibration"), "arm")
         tab.choose(
@@ -255,82 +259,36 @@ def test_what_cannot_be_imported_is_said_where_it_is(folder: Path, tmp_path: Pat
         assert tab.value(f"{nan}.disabled")
         assert tab.value(f"{nan}.textContent") == "a2 (no number in line 3)"
         assert tab.value(f"Boolean({PROPOSED})") is False
+        # A header is filled in, with errors where they are.
+        give(tab, select("Header or plan"), "\0new")
+        wait(tab, "document.querySelectorAll('.header-form input').length > 5")
+        press(tab, "Save header")
+        wait(tab, f"{errors}.length === 2")  # robot, joint_deg
+        for name, value in {
+            "robot": "irb1600",
+            "noise/joint_deg": "0,01",
+            "noise/spot_mm": "1,500",
+            "tool/point_mm": "0; 0; 32,5",
+        }.items():
+            tab.value(f"{key(name, 'input')}.closest('details')?.setAttribute('open', '')")
+            field = "input:not([type=checkbox])"
+            give(tab, key(name, field), value)
+        wait(tab, f"{errors}.some((e) => e.textContent.includes('allowed: a number such as 0.5 or 0,5'))")
+        give(tab, key("noise/spot_mm", "input"), "0,5")
+        give(tab, key("tool/kind", "select"), "probe")
+        give(tab, key("tool/calibrated", "select"), "false")
+        give(tab, key("noise/spot_mm", "input"), "-0.5")
+        press(tab, "Save header")
+        wait(tab, "document.querySelector('[data-key=\"noise/spot_mm\"] > .error')")
+        give(tab, key("noise/spot_mm", "input"), "0.5")
+        press(tab, "Save header")
+        wait(tab, "document.querySelector('.chosen')")
+        assert "Robot irb1600; probe, not calibrated" in tab.text
     assert (folder / "arm/shots.csv").read_text() == "1,2\n"
     assert not (folder / "arm/large.csv").exists()
-
-
-@pytest.mark.long
-def test_a_bag_is_imported_where_the_arm_dwells(folder: Path, tmp_path: Path) -> None:
-    bag = Bag("mcap").states(*moves()).marker(1.0, "left").marker(2.6, "right").write(tmp_path)
-    with page(folder) as tab:
-        tab.choose("document.querySelector('input[type=file]')", [file_of(bag)])
-        read(tab)
-        assert "349 joint states on /joint_states" in tab.text
-        header(tab)
-        assert "needs to know what a dwell is" in tried(tab)
-        give(tab, option("--still-deg"), "0,02")
-        give(tab, option("--still-s"), "0.5")
-        assert tried(tab) == ""
-        assert "4 measurements of target 'socket'" in tab.text
-        give(tab, option("--marker-topic"), "/shot")
-        assert "Changed since then" in tab.text
-        press(tab, "Import")
-        wait(tab, f"{REFUSAL}.includes(\"the target 'left' is measured only once\")", 60)  # by the fit
-        press(tab, "To the result")
-        wait(tab, "location.hash === '#/job/log/result/log/run.jsonl'")
-    run = read_run(folder / "log/run.jsonl")
-    assert [shot.target for shot in run.shots] == ["left", "right"]
-    np.testing.assert_allclose(np.degrees(run.joints), POSTURES[:2], atol=1e-6)
-
-
-@pytest.mark.long
-def test_points_of_a_controller_are_chosen(folder: Path) -> None:
-    listing = fanuc_listing("".join(map(fanuc_position, range(1, 5), POSTURES)))
-    with page(folder) as tab:
-        drop(tab, ("shots.ls", listing))
-        read(tab)
-        header(tab)
-        tab.value("document.querySelector('.points input').click()")
-        # The robot file says what joint 3 is counted from; who knows better may choose.
-        give(tab, option("--j3"), "link")
-        imported(tab)
-    joints = np.degrees(read_run(folder / "shots/run.jsonl").joints)
-    np.testing.assert_allclose(joints, POSTURES[1:], atol=1e-9)
-
-
-@pytest.mark.long
-def test_points_of_a_tracker_are_joined_to_a_table_of_joints(folder: Path) -> None:
-    """In another order, with the column names in a remark, as SpatialAnalyzer writes."""
-    (folder / "tracker.yaml").write_text(
-        "robot: irb1600\nnoise: {joint_deg: 0.01}\n"
-        "instruments:\n  tracker: {kind: tracker, sigma_mm: 0.05, reflectors: {r1: {}}}\n"
-    )
-    points = [(900.0 + 50 * i, 20.0 * i, 500.5 - i) for i in range(4)]
-    lines = [f"r1, p{i + 1}, {','.join(map(str, points[i]))}" for i in (2, 0, 3, 1)]
-    tracked = "\n".join(["// Units: Millimeters", "// Group, Point, X, Y, Z", *lines, ""])
-    joints = table(["n", *NAMES], [[i + 1, *row] for i, row in enumerate(POSTURES.tolist())], ",")
-    with page(folder) as tab:
-        drop(tab, ("tracked.csv", tracked), ("joints.csv", joints))
-        read(tab, 2)
-        header(tab, "tracker.yaml")
-        assert tried(tab).startswith("Not complete: state: Joint columns")
-        give(tab, option("--joints"), "tracked/joints.csv")
-        for key, value in {
-            "joint-columns": ",".join(NAMES),
-            "joint-units": "deg",
-            "match": "number",
-            "number-column": "Point",
-            "joints-number-column": "n",
-            "reflector-column": "Group",
-        }.items():
-            wait(tab, option(f"--{key}"))
-            give(tab, option(f"--{key}"), value)
-        assert tried(tab) == ""
-        press(tab, "Import")
-        wait(tab, "document.querySelector('.outcome')?.innerText.includes('Written to')", 60)
-    shots = read_run(folder / "tracked/run.jsonl").shots
-    np.testing.assert_allclose([shot.joints_deg for shot in shots], POSTURES[[2, 0, 3, 1]])
-    np.testing.assert_allclose([shot.measured_mm for shot in shots], np.array(points)[[2, 0, 3, 1]])
+    saved = YAML(typ="safe").load(folder / "arm/header-2.yaml")
+    assert saved["noise"] == {"joint_deg": 0.01, "spot_mm": 0.5}
+    assert saved["tool"]["point_mm"] == [0, 0, 32.5]
 
 
 @pytest.mark.long
@@ -360,37 +318,86 @@ def test_a_fit_proposes_what_the_limits_cannot_and_the_person_takes_it(folder: P
     np.testing.assert_allclose(read_run(folder / "shots/run-2.jsonl").joints, good.joints, atol=1e-9)
 
 
+def a_bag_where_the_arm_dwells(tab: Tab, folder: Path, tmp_path: Path) -> None:
+    bag = Bag("mcap").states(*moves()).marker(1.0, "left").marker(2.6, "right").write(tmp_path)
+    tab.choose("document.querySelector('input[type=file]')", [file_of(bag)])
+    read(tab)
+    assert "349 joint states on /joint_states" in tab.text
+    header(tab)
+    assert "needs to know what a dwell is" in tried(tab)
+    give(tab, option("--still-deg"), "0,02")
+    give(tab, option("--still-s"), "0.5")
+    assert tried(tab) == ""
+    assert "4 measurements of target 'socket'" in tab.text
+    give(tab, option("--marker-topic"), "/shot")
+    assert "Changed since then" in tab.text
+    press(tab, "Import")
+    wait(tab, f"{REFUSAL}.includes(\"the target 'left' is measured only once\")", 60)  # by the fit
+    press(tab, "To the result")
+    wait(tab, "location.hash === '#/job/log/result/log/run.jsonl'")
+    run = read_run(folder / "log/run.jsonl")
+    assert [shot.target for shot in run.shots] == ["left", "right"]
+    np.testing.assert_allclose(np.degrees(run.joints), POSTURES[:2], atol=1e-6)
+
+
+def points_of_a_controller_chosen(tab: Tab, folder: Path) -> None:
+    listing = fanuc_listing("".join(map(fanuc_position, range(1, 5), POSTURES)))
+    drop(tab, ("shots.ls", listing))
+    read(tab)
+    header(tab)
+    tab.value("document.querySelector('.points input').click()")
+    # The robot file says what joint 3 is counted from; who knows better may choose.
+    give(tab, option("--j3"), "link")
+    imported(tab)
+    joints = np.degrees(read_run(folder / "shots/run.jsonl").joints)
+    np.testing.assert_allclose(joints, POSTURES[1:], atol=1e-9)
+
+
+def points_of_a_tracker_joined_to_joints(tab: Tab, folder: Path) -> None:
+    """In another order, with the column names in a remark, as SpatialAnalyzer writes."""
+    (folder / "tracker.yaml").write_text(
+        "robot: irb1600\nnoise: {joint_deg: 0.01}\n"
+        "instruments:\n  tracker: {kind: tracker, sigma_mm: 0.05, reflectors: {r1: {}}}\n"
+    )
+    points = [(900.0 + 50 * i, 20.0 * i, 500.5 - i) for i in range(4)]
+    lines = [f"r1, p{i + 1}, {','.join(map(str, points[i]))}" for i in (2, 0, 3, 1)]
+    tracked = "\n".join(["// Units: Millimeters", "// Group, Point, X, Y, Z", *lines, ""])
+    joints = table(["n", *NAMES], [[i + 1, *row] for i, row in enumerate(POSTURES.tolist())], ",")
+    drop(tab, ("tracked.csv", tracked), ("joints.csv", joints))
+    read(tab, 2)
+    header(tab, "tracker.yaml")
+    assert tried(tab).startswith("Not complete: state: Joint columns")
+    give(tab, option("--joints"), "tracked/joints.csv")
+    for key, value in {
+        "joint-columns": ",".join(NAMES),
+        "joint-units": "deg",
+        "match": "number",
+        "number-column": "Point",
+        "joints-number-column": "n",
+        "reflector-column": "Group",
+    }.items():
+        wait(tab, option(f"--{key}"))
+        give(tab, option(f"--{key}"), value)
+    assert tried(tab) == ""
+    press(tab, "Import")
+    wait(tab, "document.querySelector('.outcome')?.innerText.includes('Written to')", 60)
+    shots = read_run(folder / "tracked/run.jsonl").shots
+    np.testing.assert_allclose([shot.joints_deg for shot in shots], POSTURES[[2, 0, 3, 1]])
+    np.testing.assert_allclose([shot.measured_mm for shot in shots], np.array(points)[[2, 0, 3, 1]])
+
+
 @pytest.mark.long
-def test_a_header_is_filled_in_with_errors_where_they_are(folder: Path) -> None:
-    key = "document.querySelector('.header-form [data-key=\"{}\"] {}')".format
-    errors = "[...document.querySelectorAll('.header-form .error')]"
+def test_recordings_of_bags_controllers_and_trackers_become_runs(folder: Path, tmp_path: Path) -> None:
+    """One after the other in the same tab: the form begins anew each time."""
     with page(folder) as tab:
-        drop(tab, ("shots.csv", SHOTS))
-        read(tab)
-        give(tab, select("Header or plan"), "\0new")
-        wait(tab, "document.querySelectorAll('.header-form input').length > 5")
-        press(tab, "Save header")
-        wait(tab, f"{errors}.length === 2")  # robot, joint_deg
-        for name, value in {
-            "robot": "irb1600",
-            "noise/joint_deg": "0,01",
-            "noise/spot_mm": "1,500",
-            "tool/point_mm": "0; 0; 32,5",
-        }.items():
-            tab.value(f"{key(name, 'input')}.closest('details')?.setAttribute('open', '')")
-            field = "input:not([type=checkbox])"
-            give(tab, key(name, field), value)
-        wait(tab, f"{errors}.some((e) => e.textContent.includes('allowed: a number such as 0.5 or 0,5'))")
-        give(tab, key("noise/spot_mm", "input"), "0,5")
-        give(tab, key("tool/kind", "select"), "probe")
-        give(tab, key("tool/calibrated", "select"), "false")
-        give(tab, key("noise/spot_mm", "input"), "-0.5")
-        press(tab, "Save header")
-        wait(tab, "document.querySelector('[data-key=\"noise/spot_mm\"] > .error')")
-        give(tab, key("noise/spot_mm", "input"), "0.5")
-        press(tab, "Save header")
-        wait(tab, "document.querySelector('.chosen')")
-        assert "Robot irb1600; probe, not calibrated" in tab.text
-    saved = YAML(typ="safe").load(folder / "shots/header.yaml")
-    assert saved["noise"] == {"joint_deg": 0.01, "spot_mm": 0.5}
-    assert saved["tool"]["point_mm"] == [0, 0, 32.5]
+        a_bag_where_the_arm_dwells(tab, folder, tmp_path)
+        anew(tab)
+        points_of_a_controller_chosen(tab, folder)
+        anew(tab)
+        points_of_a_tracker_joined_to_joints(tab, folder)
+
+
+def anew(tab: Tab) -> None:
+    tab.on(lambda page: page.goto(f"{root(tab.address)}#/import/"))
+    tab.reload()
+    wait(tab, "document.querySelector('.drop')")

@@ -89,7 +89,55 @@ def unbroken(folder: Path, plan: str) -> bytes:
     return (folder / "unbroken.jsonl").read_bytes()
 
 
-def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> None:
+def saved_before_it_is_measured_or_measured_as_it_was(tab: Tab, folder: Path) -> None:
+    """A plan with changes."""
+    path = folder / "cell" / "two.yaml"
+    before = path.read_bytes()
+    tab.value("location.hash = '#/job/cell/plan/cell/two.yaml'")
+    wait(tab, "document.querySelector('tr[data-of=delta2]')")
+    fill(tab, "J1, °", "10")
+    wait(tab, "document.querySelector('.plan-bar output').textContent !== 'Saved.'")
+    tab.value("location.hash = '#/job/cell/measure/cell/two.yaml'")
+    tab.reload()  # the browser alone has the changes
+    wait(tab, "document.body.innerText.includes('cell/two.yaml has changes that are not saved')")
+    press(tab, "Start by the plan as it was saved")
+    wait(tab, UNDER_WAY)
+    wait(tab, OVER)
+    assert path.read_bytes() == before
+    wait(tab, "document.querySelector('form.start button.main:not(:disabled)')")
+    press(tab, "Save the plan. Start the simulation")
+    wait(tab, "location.hash.endsWith('two-run-3.jsonl')")
+    wait(tab, OVER)
+    first, second = (
+        read_run(folder / "cell" / f"two-run{k}.jsonl").shots[0].joints_deg[0] for k in ("-2", "-3")
+    )
+    assert abs(second - 10) < abs(first - 10)
+    assert yaml.safe_load(path.read_text())["postures_deg"][0][0] == 10
+
+
+def resumed_at_the_address_that_is_typed(server: App, tab: Tab) -> None:
+    """A robot, and not at the address that the folder has, which would hear the password."""
+    again = "document.querySelector('[aria-label=\"Resume cell/made.jsonl\"]')"
+    wait(tab, f"{again}?.disabled")
+    assert "--port=9 --speed=0.5" in tab.value("document.querySelector('.unfinished').textContent")
+    fill(tab, "Password of the controller, for cell/made.jsonl", "robotics")
+    assert tab.value(f"{again}.disabled")
+    fill(tab, "Address of the controller, for cell/made.jsonl", "127.0.0.1")
+    wait(tab, f"!{again}.disabled")
+    press(tab, "Resume cell/made.jsonl")
+    wait(tab, OVER, 60)  # nobody answers there
+    job = server.ask("jobs")[0]
+    assert "--host=127.0.0.1" in job["command"]
+    assert "stranger" not in json.dumps(job)
+    assert tab.accessibility() == []
+
+
+OPTIONS = ["--rig=abb", "--host=stranger.example", "--port=9", "--speed=0.5"]
+
+
+def test_a_run_is_watched_to_its_end_its_plan_changed_and_an_unfinished_one_resumed(
+    server: App, folder: Path
+) -> None:
     with measure(server, "two.yaml") as tab:
         start(tab)
         wait(tab, OVER)
@@ -106,44 +154,22 @@ def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> Non
         )  # as the sheet counts
         assert tab.console == []
     assert len(read_run(folder / "cell" / "two-run.jsonl").shots) == 2
+    unfinished_run(folder, "cell/two.yaml", ["run", *OPTIONS, "--out=cell/made.jsonl", "cell/two.yaml"])
     with (
         app(folder) as later,
         chromium().opened(f"{later.address}#/job/cell/measure/cell/two-run.jsonl") as tab,
     ):
         wait(tab, f"{NOW}.startsWith('2 of 2 measurements are kept in')")
         assert "SIMULATED" in tab.value(NOW)
-
-
-def test_a_plan_with_changes_is_saved_before_it_is_measured_or_measured_as_it_was(
-    server: App, folder: Path
-) -> None:
-    path = folder / "cell" / "two.yaml"
-    before = path.read_bytes()
-    with chromium().opened(f"{server.address}#/job/cell/plan/cell/two.yaml", LAPTOP) as tab:
-        wait(tab, "document.querySelector('tr[data-of=delta2]')")
-        fill(tab, "J1, °", "10")
-        wait(tab, "document.querySelector('.plan-bar output').textContent !== 'Saved.'")
         tab.value("location.hash = '#/job/cell/measure/cell/two.yaml'")
-        tab.reload()  # the browser alone has the changes
-        wait(tab, "document.body.innerText.includes('cell/two.yaml has changes that are not saved')")
-        press(tab, "Start by the plan as it was saved")
-        wait(tab, UNDER_WAY)
-        wait(tab, OVER)
-        assert path.read_bytes() == before
-        wait(tab, "document.querySelector('form.start button.main:not(:disabled)')")
-        press(tab, "Save the plan. Start the simulation")
-        wait(tab, "location.hash.endsWith('two-run-2.jsonl')")
-        wait(tab, OVER)
-    first, second = (
-        read_run(folder / "cell" / f"two-run{k}.jsonl").shots[0].joints_deg[0] for k in ("", "-2")
-    )
-    assert abs(second - 10) < abs(first - 10)
-    assert yaml.safe_load(path.read_text())["postures_deg"][0][0] == 10
+        resumed_at_the_address_that_is_typed(later, tab)
+        saved_before_it_is_measured_or_measured_as_it_was(tab, folder)
 
 
 @pytest.mark.long
 def test_a_run_is_stopped_from_elsewhere_reloaded_and_resumed(server: App, folder: Path) -> None:
-    """On each screen; by touch where there is no mouse. It leaves nobody out before, while, and after."""
+    """On each screen; by touch where there is no mouse. It leaves nobody out before, while, and after; at
+    last the server is killed, and the page offers to resume once it is back."""
     kept = 0
     for size, screen in SCREENS.items():
         with measure(server, "long.yaml", size=screen) as tab:
@@ -178,18 +204,7 @@ def test_a_run_is_stopped_from_elsewhere_reloaded_and_resumed(server: App, folde
     with chromium().opened(f"{server.address}#/job/cell/measure") as tab:
         wait(tab, RESUME)
         click(tab, RESUME)
-        wait(tab, UNDER_WAY)
-        wait(tab, OVER, 120)
-        wait(tab, f"{NOW}.startsWith('{POSTURES} measurements are kept')")
-        assert tab.console == []
-    assert (folder / "cell" / "long-run.jsonl").read_bytes() == unbroken(folder, "long.yaml")
-
-
-@pytest.mark.long
-def test_the_page_offers_to_resume_once_a_killed_server_is_back(server: App, folder: Path) -> None:
-    with measure(server, "long.yaml") as tab:
-        start(tab)
-        wait(tab, ROWS)
+        wait(tab, f"{UNDER_WAY} && {ROWS}")
         server.process.kill()
         server.process.wait()
         wait(tab, f"{NOW}.startsWith('The connection to the server is lost.')")
@@ -240,26 +255,6 @@ def test_a_person_is_led_and_a_doubt_is_at_the_field(server: App, folder: Path) 
         assert tab.value("document.querySelectorAll('img').length") == 0
         assert (tab.console, tab.dialogs) == ([], [])
     assert [shot.shot for shot in read_run(folder / "cell" / "hand.jsonl").shots] == [0, 2]
-
-
-def test_a_robot_is_resumed_at_the_address_that_a_person_types(folder: Path) -> None:
-    """And not at the one that the folder has, which would hear the password."""
-    options = ["--rig=abb", "--host=stranger.example", "--port=9", "--speed=0.5"]
-    unfinished_run(folder, "cell/two.yaml", ["run", *options, "--out=cell/made.jsonl", "cell/two.yaml"])
-    again = "document.querySelector('[aria-label=\"Resume cell/made.jsonl\"]')"
-    with app(folder) as server, measure(server, "two.yaml") as tab:
-        wait(tab, f"{again}?.disabled")
-        assert "--port=9 --speed=0.5" in tab.value("document.querySelector('.unfinished').textContent")
-        fill(tab, "Password of the controller, for cell/made.jsonl", "robotics")
-        assert tab.value(f"{again}.disabled")
-        fill(tab, "Address of the controller, for cell/made.jsonl", "127.0.0.1")
-        wait(tab, f"!{again}.disabled")
-        press(tab, "Resume cell/made.jsonl")
-        wait(tab, OVER, 60)  # nobody answers there
-        (job,) = server.ask("jobs")
-        assert "--host=127.0.0.1" in job["command"]
-        assert "stranger" not in json.dumps(job)
-        assert tab.accessibility() == []
 
 
 CELL = {

@@ -51,7 +51,8 @@ def at_point(tab: Tab, *values: str) -> None:
 
 
 def test_what_is_wrong_makes_nothing_and_a_name_is_written_anew_and_taken(folder: Path, tab: Tab) -> None:
-    """A refused number, a missing one, how the laser is mounted, a name that is taken."""
+    """A refused number, a missing one, a target that cannot be reached, how the laser is mounted, a name that
+    is taken."""
     title = "Name, serial number, number of measurements"
     tab.on(lambda page: page.get_by_text(title).click())
     fill(tab, "Measurements", "1,234")
@@ -62,7 +63,15 @@ def test_what_is_wrong_makes_nothing_and_a_name_is_written_anew_and_taken(folder
     at_point(tab, "500,5")
     make(tab)
     wait(tab, f"({ALERT}).startsWith('Target y, mm: a number is missing')")
-    assert list(folder.iterdir()) == []
+    assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
+    for x, why in (("5000", "too few postures"), ("0", "put the target elsewhere")):
+        at_point(tab, x, "0", "0")
+        make(tab)
+        wait(tab, "document.querySelector('.new progress')")
+        wait(tab, "document.querySelector('.new > .lines li')", 180)
+        assert why in tab.text
+        assert "Nothing is left in the folder" in tab.text
+        assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
     tab.on(lambda page: page.get_by_label("On a stand in front of the arm").check())
     assert "Assumed on the flange: point (0, 0, 65)" in tab.text
     tab.on(lambda page: page.get_by_text("Mounted otherwise").click())
@@ -79,15 +88,3 @@ def test_what_is_wrong_makes_nothing_and_a_name_is_written_anew_and_taken(folder
     wait(tab, "!document.querySelector('[aria-invalid=true]')")
     make(tab)
     wait(tab, "location.hash.startsWith('#/job/free/plan')", 180)
-
-
-@pytest.mark.long
-def test_why_there_is_no_plan_is_said_and_nothing_is_left(folder: Path, tab: Tab) -> None:
-    for x, why in (("5000", "too few postures"), ("0", "put the target elsewhere")):
-        at_point(tab, x, "0", "0")
-        make(tab)
-        wait(tab, "document.querySelector('.new progress')")
-        wait(tab, "document.querySelector('.new > .lines li')", 180)
-        assert why in tab.text
-        assert "Nothing is left in the folder" in tab.text
-        assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []

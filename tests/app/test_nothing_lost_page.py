@@ -70,13 +70,13 @@ def content(path: Path) -> Any:
     return yaml.safe_load(path.read_text())
 
 
-def test_an_edit_is_kept_until_it_can_be_saved(folder: Path, address: str) -> None:
-    """The file is read-only, then a folder stands in its place."""
+def test_an_edit_is_kept_until_it_can_be_saved_and_a_tab_of_a_server_that_ended_says_so(folder: Path) -> None:
+    """The file is read-only, then a folder stands in its place; then the server is started anew."""
     path = folder / "cell" / "locked.yaml"
     plan_file(path, good_plan(7))
     path.chmod(0o444)
     before = path.read_bytes()
-    with plan(address, path.name) as tab:
+    with app(folder) as first, plan(first.address, path.name) as tab:
         wait(tab, CHECKED)
         fill(tab, "J1, °", "10")
         wait(tab, f"{CHECKED} && !({SAVED})")
@@ -99,7 +99,18 @@ def test_an_edit_is_kept_until_it_can_be_saved(folder: Path, address: str) -> No
         path.rmdir()
         press(tab, "Save")
         wait(tab, SAVED)
-    assert content(path)["postures_deg"][0][0] == 20
+        assert content(path)["postures_deg"][0][0] == 20
+        port = int(root(first.address).rstrip("/").rpartition(":")[2])
+        first.process.terminate()
+        first.process.communicate(timeout=30)
+        with app(folder, port) as second:
+            fault = "document.querySelector('.fault')?.textContent ?? ''"
+            wait(tab, f"({fault}).includes('the server was started anew')", 60)
+            assert "open the address that the terminal shows" in tab.value(fault)
+            tab.on(lambda page: page.goto(root(second.address)))
+            wait(tab, "document.body.textContent.includes('Open the address that the terminal shows')")
+            tab.on(lambda page: page.goto(second.address))
+            wait(tab, "document.querySelector('main')")
 
 
 @pytest.mark.long
@@ -138,6 +149,28 @@ def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chos
             wait(tab, f"document.querySelectorAll('.joint').length === 7 && {CHECKED}")
             assert tab.value(SAVED)
             assert [text for text in tab.console if "WebGL" not in text and "412" not in text] == []
+    # Before the page has noticed the change by itself; then it is the plan of another arm.
+    path = folder / "cell" / "late.yaml"
+    plan_file(path, good_plan(7))
+    with plan(address, path.name) as tab:
+        wait(tab, CHECKED)
+        fill(tab, "J1, °", "10")
+        wait(tab, f"{CHECKED} && !({SAVED})")
+        path.write_text(path.read_text() + "# changed elsewhere\n")
+        tab.value("import('/page/core/editing.js').then((m) => m.save())")
+        wait(tab, "document.querySelector('dialog[open]')")
+        press(tab, "Take the file's")
+        wait(tab, f"{CHECKED} && {SAVED}")
+        assert "postures_deg" in tab.value("import('/page/core/editing.js').then((m) => m.plan.value)")
+        fill(tab, "J1, °", "10")
+        wait(tab, f"{CHECKED} && !({SAVED})")
+        plan_file(folder / "other.yaml", seven_joints()).replace(path)
+        wait(tab, "document.querySelector('dialog[open]')")
+        press(tab, "Take the file's")
+        wait(tab, f"document.querySelectorAll('.joint').length === 7 && {CHECKED} && {SAVED}")
+        press(tab, "Undo")
+        wait(tab, f"document.querySelectorAll('.joint').length === 6 && {CHECKED}")
+        assert tab.on(lambda page: page.get_by_label("J1, °", exact=True).first.input_value()) == "10"
 
 
 def test_the_draft_of_a_calibration_that_is_gone_is_shown_downloaded_saved_or_discarded(
@@ -186,32 +219,6 @@ def downloaded(frame: Any, to: Path) -> Path:
 
 
 @pytest.mark.long
-def test_a_save_that_meets_another_version_shows_both_and_takes_either(folder: Path, address: str) -> None:
-    """Before the page has noticed the change by itself; then it is the plan of another arm."""
-    path = folder / "cell" / "late.yaml"
-    plan_file(path, good_plan(7))
-    with plan(address, path.name) as tab:
-        wait(tab, CHECKED)
-        fill(tab, "J1, °", "10")
-        wait(tab, f"{CHECKED} && !({SAVED})")
-        path.write_text(path.read_text() + "# changed elsewhere\n")
-        tab.value("import('/page/core/editing.js').then((m) => m.save())")
-        wait(tab, "document.querySelector('dialog[open]')")
-        press(tab, "Take the file's")
-        wait(tab, f"{CHECKED} && {SAVED}")
-        assert "postures_deg" in tab.value("import('/page/core/editing.js').then((m) => m.plan.value)")
-        fill(tab, "J1, °", "10")
-        wait(tab, f"{CHECKED} && !({SAVED})")
-        plan_file(folder / "other.yaml", seven_joints()).replace(path)
-        wait(tab, "document.querySelector('dialog[open]')")
-        press(tab, "Take the file's")
-        wait(tab, f"document.querySelectorAll('.joint').length === 7 && {CHECKED} && {SAVED}")
-        press(tab, "Undo")
-        wait(tab, f"document.querySelectorAll('.joint').length === 6 && {CHECKED}")
-        assert tab.on(lambda page: page.get_by_label("J1, °", exact=True).first.input_value()) == "10"
-
-
-@pytest.mark.long
 def test_a_hundred_postures_are_edited_and_of_a_hundred_measurements_one_is_left_out(
     folder: Path, address: str
 ) -> None:
@@ -251,20 +258,3 @@ def test_a_hundred_postures_are_edited_and_of_a_hundred_measurements_one_is_left
         tab.value(f"{last}.click()")
         wait(tab, "document.querySelector('.without')?.textContent.includes('99')", 120)
         assert (tab.overflow(), [text for text in tab.console if "WebGL" not in text]) == (0, [])
-
-
-def test_a_tab_of_a_server_that_was_started_anew_says_so(folder: Path) -> None:
-    with app(folder) as first:
-        port = int(root(first.address).rstrip("/").rpartition(":")[2])
-        with chromium().opened(first.address) as tab:
-            wait(tab, "document.querySelector('main')")
-            first.process.terminate()
-            first.process.communicate(timeout=30)
-            with app(folder, port) as second:
-                fault = "document.querySelector('.fault')?.textContent ?? ''"
-                wait(tab, f"({fault}).includes('the server was started anew')", 60)
-                assert "open the address that the terminal shows" in tab.value(fault)
-                tab.on(lambda page: page.goto(root(second.address)))
-                wait(tab, "document.body.textContent.includes('Open the address that the terminal shows')")
-                tab.on(lambda page: page.goto(second.address))
-                wait(tab, "document.querySelector('main')")

@@ -70,7 +70,14 @@ def field(tab: Tab, label: str) -> str:
     return str(tab.on(lambda page: page.get_by_label(label, exact=True).first.input_value()))
 
 
-def test_a_plan_is_compared_with_another(tab: Tab) -> None:
+def another(tab: Tab, name: str) -> None:
+    """The plan of another calibration, in the same tab."""
+    wait(tab, f"import('/page/core/store.js').then((m) => m.ofKind('plan').includes('{name}/plan.yaml'))")
+    tab.value(f"location.hash = '#/job/{name}/plan/{name}/plan.yaml'")
+    wait(tab, f"document.querySelector('header h1').textContent === '{name}' && {CHECKED} && {PICTURE}")
+
+
+def compared_with_another(tab: Tab) -> None:
     unfold(tab, "Compare with another plan")
     choose(tab, "Other plan", "cell/fewer.yaml")
     wait(tab, "document.querySelector('[aria-label=\"Two plans\"] tbody tr')")
@@ -85,7 +92,24 @@ def test_a_plan_is_compared_with_another(tab: Tab) -> None:
     assert float(ratio.removeprefix("× ")) < 1 if "°" in theirs else "→" in ratio
 
 
-def test_a_plan_is_exported_for_the_controller_of_a_newer_maker(folder: Path, tmp_path: Path) -> None:
+def refused_at_its_field(tab: Tab) -> None:
+    """What the server refuses of an option is said there, and nothing is begun."""
+    unfold(tab, "Make another plan")
+    unfold(tab, "Constraints and search")
+    fill(tab, "Normal of the target, or any", "up")
+    press(tab, "Make the plan")
+    facing = "document.querySelector('[data-option=\"--facing\"]')"
+    wait(tab, f"{facing}.querySelector('.error')")
+    assert "3 numbers up to" in tab.value(f"{facing}.textContent")
+    assert tab.value(f"{facing}.querySelector('input').getAttribute('aria-invalid')") == "true"
+    assert tab.value("document.querySelector('.making progress')") is None
+    tab.on(lambda page: page.locator("[data-option='--facing'] input").fill("0,0,1"))
+    wait(tab, f"!{facing}.querySelector('.error')")
+    assert [said for said in tab.console if "400" not in said] == []
+    tab.messages.clear()
+
+
+def exported_for_a_newer_maker(tab: Tab, folder: Path, tmp_path: Path) -> None:
     """A VAL3 application is four files, and those of the command line."""
     at = folder / "staubli"
     at.mkdir()
@@ -93,23 +117,18 @@ def test_a_plan_is_exported_for_the_controller_of_a_newer_maker(folder: Path, tm
     (at / "plan.yaml").write_text(yaml.safe_dump({**content, "robot": "tx2_60"}))
     assert zerobeam("export", "plan", "val3", at / "plan.yaml", "-o", tmp_path / "zb_plan.pjx").status == 0
     files = {file.name: file.read_text() for file in tmp_path.iterdir()}
-    with (
-        app(folder) as served,
-        chromium().opened(f"{served.address}#/job/staubli/plan/staubli/plan.yaml") as tab,
-    ):
-        wait(tab, f"{CHECKED} && {PICTURE}")
-        unfold(tab, "Export for a controller, or as a sheet")
-        choose(tab, "Form", "val3")
-        wait(
-            tab,
-            "[...document.querySelectorAll('input')].some((i) => i.placeholder === 'staubli/zb_plan.pjx')",
-        )
-        press(tab, "Export")
-        links = "[...document.querySelectorAll('a[download]')].map((one) => one.textContent)"
-        wait(tab, f"{links}.length === 4", 60)
-        assert {link.removeprefix("Download ").strip() for link in tab.value(links)} == {*files}
-        wait(tab, "document.querySelector('form a[download]')")
-        assert tab.console == []
+    another(tab, "staubli")
+    unfold(tab, "Export for a controller, or as a sheet")
+    choose(tab, "Form", "val3")
+    wait(
+        tab,
+        "[...document.querySelectorAll('input')].some((i) => i.placeholder === 'staubli/zb_plan.pjx')",
+    )
+    press(tab, "Export")
+    links = "[...document.querySelectorAll('a[download]')].map((one) => one.textContent)"
+    wait(tab, f"{links}.length === 4", 60)
+    assert {link.removeprefix("Download ").strip() for link in tab.value(links)} == {*files}
+    wait(tab, "document.querySelector('form a[download]')")
     assert {name: (at / name).read_text() for name in files} == files
 
 
@@ -123,31 +142,41 @@ LRMATE = {
 }
 
 
-def test_joints_are_as_the_pendant_counts_them(folder: Path, address: str) -> None:
+def counted_as_by_the_pendant(tab: Tab, folder: Path) -> None:
     (folder / "fanuc").mkdir()
     file = folder / "fanuc/plan.yaml"
     file.write_text(yaml.safe_dump(LRMATE))
-    with chromium().opened(f"{address}#/job/fanuc/plan/fanuc/plan.yaml") as tab:
-        wait(tab, "document.querySelector('.joints')")
-        assert "joint 3 from the ground" in tab.text
-        assert "point (0, 0, 65)" in tab.text
-        assert field(tab, "J3, °") == "5.939"  # -51.194 + 57.133
-        # The pendant's J2 moves link 2 alone: the angle between the links follows, its J3 stays.
-        fill(tab, "J2, °", "-50")
-        assert field(tab, "J3, °") == "5.939"
-        fill(tab, "J3, °", "7,25")
-        wait(tab, f"{CONTENT}.then((plan) => plan.postures_deg[0][2] === -42.75)")
-        assert tab.value(CONTENT)["postures_deg"][0] == [5, -50, -42.75, 10, 20, 30]
-        # A difference to the file is told in the same counting.
-        changed = LRMATE | {"postures_deg": [[5, -57.133, -52.194, 10, 20, 30], LRMATE["postures_deg"][1]]}
-        file.write_text(yaml.safe_dump(changed))
-        press(tab, "Save")
-        wait(tab, "document.querySelector('dialog table')")
-        rows = tab.value(
-            "[...document.querySelectorAll('dialog tbody tr')]"
-            ".map((row) => [...row.children].map((cell) => cell.textContent))"
-        )
-        assert ["postures_deg / 0 / J3", "7.25", "4.939"] in rows
+    another(tab, "fanuc")
+    assert "joint 3 from the ground" in tab.text
+    assert "point (0, 0, 65)" in tab.text
+    assert field(tab, "J3, °") == "5.939"  # -51.194 + 57.133
+    # The pendant's J2 moves link 2 alone: the angle between the links follows, its J3 stays.
+    fill(tab, "J2, °", "-50")
+    assert field(tab, "J3, °") == "5.939"
+    fill(tab, "J3, °", "7,25")
+    wait(tab, f"{CONTENT}.then((plan) => plan.postures_deg[0][2] === -42.75)")
+    assert tab.value(CONTENT)["postures_deg"][0] == [5, -50, -42.75, 10, 20, 30]
+    # A difference to the file is told in the same counting.
+    changed = LRMATE | {"postures_deg": [[5, -57.133, -52.194, 10, 20, 30], LRMATE["postures_deg"][1]]}
+    file.write_text(yaml.safe_dump(changed))
+    press(tab, "Save")
+    wait(tab, "document.querySelector('dialog table')")
+    rows = tab.value(
+        "[...document.querySelectorAll('dialog tbody tr')]"
+        ".map((row) => [...row.children].map((cell) => cell.textContent))"
+    )
+    assert ["postures_deg / 0 / J3", "7.25", "4.939"] in rows
+
+
+def test_a_plan_is_compared_exported_and_counted_as_by_the_pendant(
+    tab: Tab, folder: Path, tmp_path: Path
+) -> None:
+    compared_with_another(tab)
+    refused_at_its_field(tab)
+    exported_for_a_newer_maker(tab, folder, tmp_path)
+    counted_as_by_the_pendant(tab, folder)
+    assert [said for said in tab.console if "412" not in said] == []
+    tab.messages.clear()
 
 
 def _over_a_joint(tab: Tab) -> tuple[float, float]:
@@ -164,8 +193,7 @@ def _over_a_joint(tab: Tab) -> tuple[float, float]:
     raise AssertionError("no body of the arm is under the pointer anywhere")
 
 
-@pytest.mark.long
-def test_a_joint_and_an_obstacle_are_moved_in_the_picture_and_undone(tab: Tab) -> None:
+def moved_in_the_picture_and_undone(tab: Tab) -> None:
     before = tab.value(CONTENT)["postures_deg"]
     x, y = _over_a_joint(tab)
 
@@ -215,8 +243,7 @@ def test_a_joint_and_an_obstacle_are_moved_in_the_picture_and_undone(tab: Tab) -
     assert field(tab, LOWEST_X) == start
 
 
-@pytest.mark.long
-def test_plans_are_made_and_opened(folder: Path, tab: Tab) -> None:
+def made_and_opened(folder: Path, tab: Tab) -> None:
     unfold(tab, "Make another plan")
     for kind in ("optimal", "x"):
         choose(tab, "Kind", kind)
@@ -232,8 +259,7 @@ def test_plans_are_made_and_opened(folder: Path, tab: Tab) -> None:
         assert "8 measurements" in tab.text
 
 
-@pytest.mark.long
-def test_the_meshes_of_a_urdf_are_drawn(folder: Path, address: str) -> None:
+def plan_with_meshes(folder: Path) -> None:
     made = folder / "two"
     made.mkdir()
     (made / "arm.urdf").write_text(URDF.format(last="flange.stl").replace("package://cell/", ""))
@@ -249,16 +275,32 @@ def test_the_meshes_of_a_urdf_are_drawn(folder: Path, address: str) -> None:
         "postures_deg": [[0, 10], [30, 40], [-40, 20]],
     }
     (made / "plan.yaml").write_text(yaml.safe_dump(content))
-    with chromium().opened(f"{address}#/job/two/plan/two/plan.yaml") as tab:
-        meshes = "import('/page/plan/picture.js').then((m) => m.meshes.value?.map((one) => one.link))"
-        wait(tab, PICTURE)
-        assert tab.wait(f"{meshes}", 30)
-        tab.value("new Promise((then) => setTimeout(then, 500))")
-        assert tab.value(meshes) == [0, 1, 2]
-        drawn = tab.on(lambda page: page.locator("canvas.scene-picture").screenshot())
-        tab.value("import('/page/plan/picture.js').then((m) => { m.meshes.value = undefined; })")
-        tab.value("new Promise((then) => setTimeout(then, 500))")
-        bare = tab.on(lambda page: page.locator("canvas.scene-picture").screenshot())
-        assert struct.unpack(">II", drawn[16:24]) == struct.unpack(">II", bare[16:24])
-        assert drawn != bare
-        assert tab.console == []
+
+
+def meshes_are_drawn(tab: Tab) -> None:
+    meshes = "import('/page/plan/picture.js').then((m) => m.meshes.value?.map((one) => one.link))"
+    wait(tab, PICTURE)
+    assert tab.wait(f"{meshes}", 30)
+    tab.value("new Promise((then) => setTimeout(then, 500))")
+    assert tab.value(meshes) == [0, 1, 2]
+    drawn = tab.on(lambda page: page.locator("canvas.scene-picture").screenshot())
+    tab.value("import('/page/plan/picture.js').then((m) => { m.meshes.value = undefined; })")
+    tab.value("new Promise((then) => setTimeout(then, 500))")
+    bare = tab.on(lambda page: page.locator("canvas.scene-picture").screenshot())
+    assert struct.unpack(">II", drawn[16:24]) == struct.unpack(">II", bare[16:24])
+    assert drawn != bare
+
+
+@pytest.mark.long
+def test_what_is_moved_in_the_picture_is_undone_plans_are_made_and_meshes_drawn(
+    folder: Path, address: str, tab: Tab
+) -> None:
+    moved_in_the_picture_and_undone(tab)
+    press(tab, "Undo")
+    tab.value("location.hash = '#/job/cell/plan/cell/plan.yaml'")
+    wait(tab, f"{CHECKED} && {PICTURE}")
+    made_and_opened(folder, tab)
+    plan_with_meshes(folder)
+    with chromium().opened(f"{address}#/job/two/plan/two/plan.yaml") as other:
+        meshes_are_drawn(other)
+        assert other.console == []

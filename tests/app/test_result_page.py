@@ -75,8 +75,7 @@ def quick(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield server.address
 
 
-@pytest.mark.long
-def test_a_result_is_looked_at_without_a_measurement_and_taken_away(quick: str, reported: Path) -> None:
+def looked_at_without_a_measurement_and_taken_away(quick: str, reported: Path) -> None:
     stated = json.loads((reported / "good/result.json").read_text())
     with result(quick, "good") as tab:
         assert tab.value("location.hash") == "#/job/good/result"
@@ -129,7 +128,9 @@ def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(reported: Path,
     old, new = (read_run(each).sha256 for each in (reported / "good.jsonl", run))
     stated = (reported / "good" / "result.json").read_text()
     assert old in stated
-    result_file.write_text(stated.replace(old, new).replace("Simulated: ", "").replace('"simulated"', '"cell 4"'))
+    result_file.write_text(
+        stated.replace(old, new).replace("Simulated: ", "").replace('"simulated"', '"cell 4"')
+    )
     backup = tmp_path / "Cell 7"
     (backup / "TASK1").mkdir(parents=True)
     files = [backup / "TASK1" / f"{name}.mod" for name in "AB"]
@@ -161,25 +162,6 @@ def test_my_programs_are_sent_as_several_files_a_folder_or_a_zip(reported: Path,
             written = ("positions.html", "audit.json", "A.mod", "B.mod")
             assert tab.value(links) == [f"Download {each}" for each in written]
         assert problems(tab) == []
-
-
-@pytest.mark.long
-def test_what_is_not_determined_has_no_number_and_what_is_no_result_is_an_error(quick: str) -> None:
-    with result(quick, "x-pattern") as tab:
-        assert "degenerate" in tab.value(WORD)
-        assert tab.value(cell("delta2", ".u")) == "not determined"
-        assert tab.value(f"{FIRST}[1].cells[1].textContent.trim()") == "not determined by these data"
-        assert "enter" not in tab.value("document.querySelector('.front table').tHead.textContent")
-        unfold(tab, "Posterior of the offsets, pair by pair")
-        wait(tab, "document.body.innerText.includes('J2 (δ2): prior only')")
-        unfold(tab, "Choose draws by numbers")
-        give(tab, "document.querySelector('.ranges input')", "9")
-        wait(tab, f"{CHOSEN}.includes('say nothing of the residuals')")
-        assert tab.value(CHANGES) == []
-        # What is no result is one clear error.
-        tab.value("location.hash = '#/job/x-pattern/result/x-pattern/report/report.html'")
-        wait(tab, "document.querySelector('.fault')?.textContent.includes('not a whole result')")
-        assert tab.value("document.querySelector('.offsets')") is None
 
 
 @pytest.fixture(scope="module")
@@ -234,25 +216,6 @@ def test_it_loads_from_the_server_alone_and_leaves_nobody_out(address: str) -> N
                 assert [url for url in tab.asked if not url.startswith((root(address), "blob:"))] == []
 
 
-@pytest.mark.long
-def test_a_misfit_comes_first_and_offers_nothing(address: str, folder: Path) -> None:
-    with result(address, "odd") as tab:
-        assert tab.value(WORD).lower().startswith("misfit")
-        assert tab.value("document.querySelector('.front table')") is None
-        assert "TCP error: not claimed" in tab.text
-        assert "Enter nothing." in tab.text
-        assert tab.value(cell("delta2", ".status")) == "▲ unvalidated"
-        unfold(tab, "Export to a controller")
-        wait(tab, button("Export as moc"))
-        tab.value(f"{button('Export as moc')}.click()")
-        wait(tab, "document.querySelector('.exports .job')?.textContent.includes('--unvalidated')", 60)
-        # However small u is, it reaches no tolerance.
-        tab.value("location.hash = '#/job/odd/measure/odd/run.jsonl'")
-        wait(tab, "document.querySelector('.known')?.textContent.includes('not claimed')")
-        assert "reached" not in tab.value("document.querySelector('.known').textContent")
-    assert {path.name for path in (folder / "odd").iterdir()} == {"run.jsonl", "report"}
-
-
 def _drag(tab: Tab, touch: bool) -> None:
     """A region in the second panel of the first column, where J2 and J3 are."""
     tab.value("document.querySelector('.pairs').scrollIntoView()")
@@ -303,8 +266,7 @@ def _choose(tab: Tab, by: str) -> None:
     assert tab.value(CHANGES) == []
 
 
-@pytest.mark.long
-def test_draws_are_chosen_and_the_residuals_follow(quick: str) -> None:
+def draws_are_chosen_and_the_residuals_follow(quick: str) -> None:
     """By mouse, by keyboard and by touch."""
     with result(quick, "good") as tab:
         _choose(tab, "mouse")
@@ -322,40 +284,105 @@ def test_draws_are_chosen_and_the_residuals_follow(quick: str) -> None:
         _choose(tab, "touch")
 
 
+def not_determined_or_no_result(quick: str) -> None:
+    with result(quick, "x-pattern") as tab:
+        assert "degenerate" in tab.value(WORD)
+        assert tab.value(cell("delta2", ".u")) == "not determined"
+        assert tab.value(f"{FIRST}[1].cells[1].textContent.trim()") == "not determined by these data"
+        assert "enter" not in tab.value("document.querySelector('.front table').tHead.textContent")
+        unfold(tab, "Posterior of the offsets, pair by pair")
+        wait(tab, "document.body.innerText.includes('J2 (δ2): prior only')")
+        unfold(tab, "Choose draws by numbers")
+        give(tab, "document.querySelector('.ranges input')", "9")
+        wait(tab, f"{CHOSEN}.includes('say nothing of the residuals')")
+        assert tab.value(CHANGES) == []
+        # What is no result is one clear error.
+        tab.value("location.hash = '#/job/x-pattern/result/x-pattern/report/report.html'")
+        wait(tab, "document.querySelector('.fault')?.textContent.includes('not a whole result')")
+        assert tab.value("document.querySelector('.offsets')") is None
+
+
 @pytest.mark.long
-def test_a_run_gets_its_report_also_after_a_reload_is_exported_and_compared(
+def test_a_result_is_looked_at_without_measurements_by_draws_and_where_nothing_is_determined(
+    quick: str, reported: Path
+) -> None:
+    looked_at_without_a_measurement_and_taken_away(quick, reported)
+    draws_are_chosen_and_the_residuals_follow(quick)
+    not_determined_or_no_result(quick)
+
+
+def a_report_is_cancelled_and_an_analysis_needs_none(tab: Tab, folder: Path) -> None:
+    tab.value("location.hash = '#/job/arm3/result/arm3/run.jsonl'")
+    wait(tab, button("Make the report"))
+    tab.value(f"{button('Make the report')}.click()")
+    wait(tab, button("Cancel"))
+    tab.value(f"{button('Cancel')}.click()")
+    wait(tab, "document.querySelector('.bare').textContent.includes('Cancelled')")
+    tab.value(f"{button('Only analyse')}.click()")
+    wait(tab, "document.querySelector('.offsets')", 60)
+    assert "has no report yet" in tab.text
+    assert [path.name for path in (folder / "arm3").iterdir()] == ["run.jsonl"]
+
+
+def a_misfit_comes_first_and_offers_nothing(tab: Tab, folder: Path) -> None:
+    tab.value("location.hash = '#/job/odd/result'")
+    wait(tab, f"document.querySelector('.offsets') && {WORD}.toLowerCase().startsWith('misfit')")
+    assert tab.value("document.querySelector('.front table')") is None
+    assert "TCP error: not claimed" in tab.text
+    assert "Enter nothing." in tab.text
+    assert tab.value(cell("delta2", ".status")) == "▲ unvalidated"
+    unfold(tab, "Export to a controller")
+    wait(tab, button("Export as moc"))
+    tab.value(f"{button('Export as moc')}.click()")
+    wait(tab, "document.querySelector('.exports .job')?.textContent.includes('--unvalidated')", 60)
+    # However small u is, it reaches no tolerance.
+    tab.value("location.hash = '#/job/odd/measure/odd/run.jsonl'")
+    wait(tab, "document.querySelector('.known')?.textContent.includes('not claimed')")
+    assert "reached" not in tab.value("document.querySelector('.known').textContent")
+    assert {path.name for path in (folder / "odd").iterdir()} == {"run.jsonl", "report"}
+
+
+def reported_after_a_reload_exported_and_compared(tab: Tab, folder: Path) -> None:
+    make, run = button("Make the report"), "arm2/run.jsonl"
+    tab.value("location.hash = '#/job/arm2/result'")
+    wait(tab, make)
+    tab.value(f"{make}.click()")
+    wait(tab, "document.querySelector('.bare progress')")
+    tab.reload()
+    wait(tab, "document.querySelector('.offsets')", 120)
+    assert tab.value("location.hash") == "#/job/arm2/result/arm2/run-report/result.json"
+    assert (folder / "arm2/run-report/report.html").is_file()
+    unfold(tab, "Export to a controller")
+    shown = "[...document.querySelectorAll('.exports [name=format]')].map((one) => one.value)"
+    wait(tab, button("Export as moc"))
+    assert tab.value(shown) == ["moc", "rapid"]  # those of the arm's maker; the others are folded
+    unfold(tab, "Other formats")
+    wait(tab, f"{shown}.length > 2")
+    others = {"robot", "urdf", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv"}
+    assert others <= {*tab.value(shown)}
+    tab.value("document.querySelector('.exports [value=csv]').click()")
+    wait(tab, button("Export as csv"))
+    tab.value(f"{button('Export as csv')}.click()")
+    wait(tab, "document.querySelector('.exports a')", 60)
+    assert (folder / "arm2/run-csv.csv").is_file()
+    unfold(tab, "Compare runs or results")
+    boxes = "[...document.querySelectorAll('.choice-of input')]"
+    wait(tab, f"{boxes}.some((e) => e.closest('label').dataset.file === {run!r})")
+    tab.value(f"{boxes}.slice(0, 2).forEach((e) => e.click())")
+    wait(tab, f"{button('Compare')}.disabled === false")
+    tab.value(f"{button('Compare')}.click()")
+    wait(tab, "document.querySelector('form .verdict .word')", 120)
+    assert (folder / "arm2/comparison/compare.html").is_file()
+
+
+@pytest.mark.long
+def test_a_run_gets_its_report_is_exported_and_compared_and_a_misfit_offers_nothing(
     address: str, folder: Path
 ) -> None:
-    make, run = button("Make the report"), "arm2/run.jsonl"
-    with chromium().opened(f"{address}#/job/arm2/result") as tab:
-        wait(tab, make)
-        tab.value(f"{make}.click()")
-        wait(tab, "document.querySelector('.bare progress')")
-        tab.reload()
-        wait(tab, "document.querySelector('.offsets')", 120)
-        assert tab.value("location.hash") == "#/job/arm2/result/arm2/run-report/result.json"
-        assert (folder / "arm2/run-report/report.html").is_file()
-        unfold(tab, "Export to a controller")
-        shown = "[...document.querySelectorAll('.exports [name=format]')].map((one) => one.value)"
-        wait(tab, button("Export as moc"))
-        assert tab.value(shown) == ["moc", "rapid"]  # those of the arm's maker; the others are folded
-        unfold(tab, "Other formats")
-        wait(tab, f"{shown}.length > 2")
-        others = {"robot", "urdf", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv"}
-        assert others <= {*tab.value(shown)}
-        tab.value("document.querySelector('.exports [value=csv]').click()")
-        wait(tab, button("Export as csv"))
-        tab.value(f"{button('Export as csv')}.click()")
-        wait(tab, "document.querySelector('.exports a')", 60)
-        assert (folder / "arm2/run-csv.csv").is_file()
-        unfold(tab, "Compare runs or results")
-        boxes = "[...document.querySelectorAll('.choice-of input')]"
-        wait(tab, f"{boxes}.some((e) => e.closest('label').dataset.file === {run!r})")
-        tab.value(f"{boxes}.slice(0, 2).forEach((e) => e.click())")
-        wait(tab, f"{button('Compare')}.disabled === false")
-        tab.value(f"{button('Compare')}.click()")
-        wait(tab, "document.querySelector('form .verdict .word')", 120)
-        assert (folder / "arm2/comparison/compare.html").is_file()
+    with chromium().opened(address) as tab:
+        a_report_is_cancelled_and_an_analysis_needs_none(tab, folder)
+        a_misfit_comes_first_and_offers_nothing(tab, folder)
+        reported_after_a_reload_exported_and_compared(tab, folder)
 
 
 @pytest.mark.long
@@ -386,22 +413,6 @@ def test_a_mistyped_joint_is_left_out_saved_reported_and_exported_by_the_page(tm
         assert problems(tab) == []
     made = json.loads((there / "run-without-3-report/result.json").read_text())
     assert made["inputs"]["header"]["provenance"]["without measurements"] == "3"
-
-
-@pytest.mark.long
-def test_making_a_report_is_cancelled_and_leaves_nothing_and_an_analysis_needs_none(
-    address: str, folder: Path
-) -> None:
-    with chromium().opened(f"{address}#/job/arm3/result/arm3/run.jsonl") as tab:
-        wait(tab, button("Make the report"))
-        tab.value(f"{button('Make the report')}.click()")
-        wait(tab, button("Cancel"))
-        tab.value(f"{button('Cancel')}.click()")
-        wait(tab, "document.querySelector('.bare').textContent.includes('Cancelled')")
-        tab.value(f"{button('Only analyse')}.click()")
-        wait(tab, "document.querySelector('.offsets')", 60)
-        assert "has no report yet" in tab.text
-    assert [path.name for path in (folder / "arm3").iterdir()] == ["run.jsonl"]
 
 
 @pytest.mark.long

@@ -21,16 +21,13 @@ Numbers = dict[str, tuple[str, str]]  # by what it is, with its expanded uncerta
 COUNT = 18
 
 
-@pytest.fixture(scope="module", params=["estimated", "exact"])
-def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def reported(made: Path, geometry: str) -> Path:
     """A calibration `arm` with a run and its report."""
-    chromium()
-    made = tmp_path_factory.mktemp("numbers") / "dir"
     (made / "arm").mkdir(parents=True)
     source = next(run.path for run in demo_runs() if run.name == "good")
     head, rest = source.read_text().split("\n", 1)
     header = json.loads(head)
-    if request.param == "exact":
+    if geometry == "exact":
         header["geometry"] = "exact"
     run = made / "arm/run.jsonl"
     run.write_text(f"{json.dumps(header)}\n{rest}")
@@ -92,7 +89,13 @@ def in_app(folder: Path) -> Numbers:
         )
 
 
-def test_page_terminal_report_and_json_say_the_same(folder: Path) -> None:
+def test_page_terminal_report_and_json_say_the_same(tmp_path: Path) -> None:
+    chromium()
+    for geometry in ("estimated", "exact"):
+        say_the_same(reported(tmp_path / geometry, geometry))
+
+
+def say_the_same(folder: Path) -> None:
     numbers = in_json(json.loads((folder / "arm/report/result.json").read_text()))
     assert sum(map(len, numbers.values())) == COUNT
     assert in_report(folder) == numbers

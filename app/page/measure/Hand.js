@@ -44,8 +44,9 @@ export function numbersOf(read, text) {
 
 /**
  * @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null,
- *   doubt: import("./events.js").Doubt | null, suspect?: number | null, live?: boolean}} props `reading`: what is read, once the joints are
- *   taken; `suspect`: a measurement that contradicts the others; `live`: the joints are read from the controller
+ *   doubt: import("./events.js").Doubt | null, suspect?: number | null, live?: boolean}} props
+ *   `reading`: what is read, once the joints are taken; `suspect`: a measurement that contradicts the others;
+ *   `live`: the joints are read from the controller
  */
 export function Hand({ asked, reading, doubt, suspect = null, live = false }) {
   const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null));
