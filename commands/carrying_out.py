@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -102,7 +103,9 @@ def run(
                 _say_how_to_go_on(plan, file, options)
             raise
     if as_json or not json_lines:
-        show_answer(as_json, event_json(answer), lambda: ended_page(answer), run=file)
+        show_answer(
+            as_json, event_json(answer), lambda: ended_page(replace(answer, file=file.as_posix())), run=file
+        )
     if answer.missing and not json_lines:
         _say_how_to_go_on(plan, file, options)
     done = 0 if answer.verifies else EXIT_STATUS[answer.verdict]  # a test is judged by zerobeam verify

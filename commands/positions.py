@@ -1,5 +1,6 @@
 """`zerobeam positions`: taught positions of a backup shown, converted, put back."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,8 +34,11 @@ NewFolder = Annotated[Path, Option("Folder for the converted files, empty or new
 def show(backup: BackupPath, *, as_json: Json = False) -> None:
     """What is found in a backup: positions, tools, frames, computed targets. Nothing is converted."""
     from ..experiments.converted_programs import shown_programs
+    from ..reports.positions.positions_page import positions_page
 
-    _show(shown_programs(backup), as_json)
+    answer = shown_programs(backup)
+    typed = replace(answer, backup=backup.as_posix())  # so that the printed command works in this folder
+    show_answer(as_json, answer, lambda: positions_page(typed).brief)
 
 
 @positions.of_options("keep")

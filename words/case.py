@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +20,8 @@ from ..model.files.header import StatedRequirement
 from ..model.files.run import REFIT, in_no_file
 from ..model.instruments.registry import KINDS
 from .provenance import is_simulated
-from .wording import Namer, person
+from .wording import Namer, path_argument, person
 
-_SAFE = re.compile(r"[\w./+@-]+")
 _NEAR_MM = 50.0  # U of a target to which a plan can be aimed
 
 
@@ -183,12 +180,9 @@ class RunCase:
 
 
 def run_argument(name: str) -> str:
-    """The run's file for a command, or of a run in memory the one to write it to; a stand-in where the name
-    holds what a shell would read."""
+    """The run's file for a command, or of a run in memory the one to write it to."""
     if in_no_file(name):
         path = Path(name)
         made = f"{path.stem.removesuffix(REFIT)}-refit" if path.stem.endswith(REFIT) else path.name
         name = path.with_name(f"{made}.jsonl").as_posix()
-    if not _SAFE.fullmatch(name):
-        return "RUN.jsonl"
-    return shlex.quote(name)
+    return path_argument(name, "RUN.jsonl")

@@ -27,7 +27,7 @@ from ..model.likelihood.parameters import Unit
 from . import numbers
 from .case import RunCase, run_argument
 from .catalogue import RUN, SaidToEnterNothing
-from .controllers import export_command, lacks_factory_calibration, taken_by
+from .controllers import lacks_factory_calibration, taken_by
 from .enter import (
     WHY_THEY_DIFFER,
     conformity_sentence,
@@ -322,7 +322,7 @@ def next_steps(result: Result, content: Message) -> NextSteps:
     action, entered = content.action, offered(result, content)
     first = NextStep(action.text, () if action.command is None else (action.command,))
     if entered is None:
-        return NextSteps((), (first, *_alone(result)))
+        return NextSteps((), (first,))
     run, offsets = run_argument(result.inputs.run), taken_by(result.inputs.vendor) == "offsets"
     before = " before the values are entered" if offsets else ""
     kinds = list(result.inputs.instruments.values())
@@ -346,22 +346,6 @@ def next_steps(result: Result, content: Message) -> NextSteps:
     # Of no robot there is nothing to verify.
     last = () if is_simulated(result.inputs.provenance) else (verify,)
     return NextSteps(values, (first, *more, gained, *last))
-
-
-def _alone(result: Result) -> tuple[NextStep, ...]:
-    """The identified offsets without the others."""
-    offsets = [row for row in result.parameters if row.group == "offset"]
-    open_ = [row.name for row in offsets if row.status in ("unidentifiable", "weak")]
-    if not open_ or not any(row.status == "identified" for row in offsets):
-        return ()
-    command, file = export_command(result.inputs.vendor)
-    without = " ".join(f"--without {name}" for name in open_)
-    return (
-        NextStep(
-            "If the identified offsets are to be applied alone, at your decision:",
-            (f"zerobeam {command} {run_argument(result.inputs.run)} {without} -o {file}",),
-        ),
-    )
 
 
 def _values(result: Result, entered: Entered) -> tuple[EnteredValue, ...]:

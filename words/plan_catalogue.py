@@ -4,7 +4,6 @@ what its postures break.
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -62,7 +61,7 @@ from .outlook_words import (
     within_reach,
 )
 from .trust import verdict_sentence
-from .wording import WEAK, Namer, capital, counted, ended, listed, person, sentence
+from .wording import WEAK, Namer, capital, counted, ended, listed, path_argument, person, sentence
 
 _BROKEN: dict[Condition, str] = {
     "behind": "the target is behind the laser",
@@ -196,7 +195,7 @@ def planned_anew(check: Check) -> str | None:
     """The command that plans by the plan's header, without options; None for several instruments."""
     if len(check.aimed.plan.header.labels) > 1:
         return None
-    return f"zerobeam plan optimal --header {shlex.quote(check.inputs.plan)}"
+    return f"zerobeam plan optimal --header {path_argument(check.inputs.plan)}"
 
 
 def _made_anew(first: Violation, check: Check) -> str | None:

@@ -8,6 +8,7 @@ report's font lacks. They are written as visible escapes.
 from __future__ import annotations
 
 import re
+import shlex
 import unicodedata
 from collections.abc import Callable, Collection, Sequence, Sized
 from typing import Literal
@@ -39,6 +40,14 @@ def status_words(status: str) -> str:
 def shown(text: str) -> str:
     """`text` with what cannot be seen written out (`\\x00`, `\\u202e`); line breaks become spaces."""
     return visible(re.sub(r"[\r\n\t]+", " ", text))
+
+
+def path_argument(name: str, stand_in: str = "FILE") -> str:
+    """The path of a file as it is typed in a command: what a shell would read is quoted, and it is no option;
+    `stand_in` for one with letters that cannot be seen."""
+    if shown(name) != name:
+        return stand_in
+    return shlex.quote(f"./{name}" if name.startswith("-") else name)
 
 
 def visible(text: str, escape: Callable[[str], str] | None = None) -> str:

@@ -60,7 +60,8 @@ _HEAD = 10  # letters of a line of a head, at least
 _NARROWEST = 16  # letters of a column that has to give way
 _GAP = "  "
 # Between these no command is broken: an option with its value, or what a shell takes as one word.
-_OPTION_OR_WORD = re.compile(r"(?<!\S)--?[a-z][\w-]* (?=[^-\s])(?:'[^']*'|\S)+|'[^']*'")
+_WORD = r"(?:'[^']*'|\"[^\"]*\"|[^\s'\"])+"  # of a shell
+_OPTION_OR_WORD = re.compile(rf"(?<!\S)--?[a-z][\w-]* (?=[^-\s]){_WORD}|{_WORD}")
 _WRITES = re.compile(r"(?<=\s)(-o|--save) ([\w./-]+)(?=\s|$)")  # a file or folder
 _TEXT_WIDTH = 96  # letters of a line of a text without a terminal
 

@@ -14,7 +14,7 @@ from ...experiments.positions.program_backup import AUDIT
 from ...model.errors import BadInput
 from ...words import numbers
 from ...words.sentences import to_json
-from ...words.wording import clipped, counted, shown
+from ...words.wording import clipped, counted, path_argument, shown
 from ..output.whole_folder import FolderContents, Kind, Written, names_in, write_answer
 from ..style.blocks import (
     Block,
@@ -92,7 +92,9 @@ def _sections(answer: Conversion) -> Iterator[Section]:
 def _first(answer: Conversion) -> Iterator[Block]:
     if answer.command == "show":
         yield Paragraph("Zeros were entered at the controller: state them, and write converted files.")
-        yield Commands([f"zerobeam positions keep {answer.backup} --robot ARM --entered J2=… -o FOLDER"])
+        yield Commands(
+            [f"zerobeam positions keep {path_argument(answer.backup)} --robot ARM --entered J2=… -o FOLDER"]
+        )
     moved = [row.moved_mm for row in answer.positions if row.moved_mm is not None]
     if moved and answer.command == "reach":
         joints = sum(row.kind == "joints" for row in answer.positions)

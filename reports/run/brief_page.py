@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
+from ...words.case import run_argument
 from ...words.geometry_words import worth_sentence
 from ...words.message import WHAT_ELSE, message, verdict_words
 from ...words.provenance import BAND, is_simulated, true_values
@@ -143,7 +144,15 @@ def ended_page(answer: Ended) -> Page:
         "",
         Verdict(content.grade or "held", "", ""),
         [sentence(note) for note in answer.notes],
-        [section_of("", *_paragraphs(worth), *_rehearsed(answer), *_paragraphs(*_measured(answer)))],
+        [
+            section_of(
+                "",
+                *_paragraphs(worth),
+                *_rehearsed(answer),
+                *_paragraphs(*_measured(answer)),
+                *_reported(answer),
+            )
+        ],
         message=replace(content, cautions=content.cautions[:MOST_CAUTIONS]),
         front=table,
     )
@@ -163,6 +172,10 @@ def _rehearsed(answer: Ended) -> list[Paragraph]:
     )
 
 
+def _reported(answer: Ended) -> list[Commands]:
+    return [] if answer.verifies else [Commands([f"zerobeam report {run_argument(answer.file)} -o report"])]
+
+
 def _measured(answer: Ended) -> Iterator[str]:
     """What was measured, a sentence each. What was found at a refused measurement is in the notes."""
     if answer.consistent and answer.p_value is not None and not answer.verifies:
@@ -180,7 +193,7 @@ def _measured(answer: Ended) -> Iterator[str]:
         whole = numbers.significant(sum(answer.seconds.values()), 2, "s")
         yield f"This session took {whole}: {', '.join(phases)}."
     if not answer.verifies:
-        yield "Intervals from the posterior: zerobeam report RUN -o DIR"
+        yield "Intervals from the posterior:"
 
 
 def side_by_side(titles: Sequence[str], results: Sequence[Result]) -> Table:

@@ -161,6 +161,8 @@ def test_a_degenerate_run_names_the_mechanism_and_plans_with_its_own_header() ->
     assert (said.worst.name, said.worst.value) == ("delta2", None)
     words = shlex.split(said.action.command or "")
     assert words[:5] == ["zerobeam", "plan", "optimal", "--header", "x-pattern.jsonl"]
+    steps = next_steps(analysed("x").result, said).steps
+    assert [word for step in steps for word in step.commands if " export " in word] == []
     header = header_of_run(X_PATTERN)
     assert header.robot == "irb1600"
     assert not header.provenance

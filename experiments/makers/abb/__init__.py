@@ -55,6 +55,7 @@ def rapid_text(calibration: "RobotCalibration") -> str:
 
     BadInput for a robot that is not ABB's, or that a RAPID robjoint (six axes in degrees) cannot hold.
     """
+    from ..calibration import NO_ROBOT
     from ..plan_programs import filled, require_axes
 
     remedy = "export json or csv, and apply the offsets by hand"
@@ -62,7 +63,11 @@ def rapid_text(calibration: "RobotCalibration") -> str:
     require_axes(calibration.corrected, _AXES, "a RAPID jointtarget", remedy)
     numbers = [f"{offset.applied:.6f}" for offset in calibration.offsets]
     numbers += ["0"] * (_AXES - len(numbers))
-    values = {"head": calibration.head, "numbers": numbers}
+    values = {
+        "head": calibration.head,
+        "numbers": numbers,
+        "simulated": NO_ROBOT if NO_ROBOT in calibration.warnings else None,
+    }
     (text,) = filled(Path(__file__).with_name("offsets.j2"), values)
     return text
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shlex
 from dataclasses import replace
 from typing import Any
 
@@ -24,7 +25,8 @@ from zerobeam.experiments.procedure.events import Ended
 from zerobeam.reports.output.terminal import print_blocks, print_page, table_lines
 from zerobeam.reports.plan.check_page import check_page
 from zerobeam.reports.run.brief_page import brief_page, ended_page, side_by_side
-from zerobeam.reports.style.blocks import Cell, row_of, table_of
+from zerobeam.reports.style.blocks import Cell, Commands, row_of, table_of
+from zerobeam.words.case import run_argument
 
 SHOWN = ("misfit", "unconverged", "separate", "geometry")
 
@@ -269,3 +271,20 @@ def test_of_a_long_table_the_first_rows_are_printed() -> None:
     to, text = console()
     print_blocks(to, [table_of("Many", ["n"], [row_of(str(k)) for k in range(50)])])
     assert text.getvalue().splitlines()[-2:] == ["19", "… 30 more: see --json or the report"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["my run.jsonl", "sp ace/run.jsonl", "it's my run.jsonl", "mü.jsonl", "-a.jsonl", 'a$(b);"c d".jsonl'],
+)
+def test_a_command_for_any_file_name_can_be_pasted(name: str) -> None:
+    """All said RUN.jsonl, and -a.jsonl was an option."""
+    out, text = console()
+    line = f"zerobeam analyse {run_argument(name)} --full --hold-out {run_argument(f'other/{name}')} --seed 1"
+    print_blocks(out, [Commands([line])])
+    words = shlex.split(text.getvalue().replace("\\\n", " "))
+    typed = f"./{name}" if name.startswith("-") else name
+    assert words == ["zerobeam", "analyse", typed, "--full", "--hold-out", f"other/{name}", "--seed", "1"]
+    assert run_argument(f"a\u202e{name}") == "RUN.jsonl"
+    ended = end_of(carried() | {"file": name}).replace("\\\n", " ")
+    assert f"   zerobeam report {shlex.quote(typed)} -o report" in " ".join(ended.split("\n"))

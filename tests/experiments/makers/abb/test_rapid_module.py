@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,20 @@ def test_what_is_held_or_left_out_is_zero_and_said_so(tmp_path: Path) -> None:
     assert re.search(r"delta1 \(joint1\): HELD at 0", comments)
     assert re.search(r"delta4 \(joint4\): \+0\.\d+ deg, u \S+ deg, identified, EXCLUDED", comments)
     assert answer.inputs.sha256 in comments
+
+
+def test_a_module_of_a_simulated_run_moves_no_robot(tmp_path: Path) -> None:
+    """Its only mark was a comment, and it loaded as any other."""
+    run = arm_run(tmp_path)
+    provenance = {**run.header.provenance, "origin": "simulated"}
+    simulated = replace(run, header=run.header.model_copy(update={"provenance": provenance}))
+    text = rapid_text(calibration(simulated))
+    command = text.partition("FUNC jointtarget zb_command")[2].partition("ENDFUNC")[0]
+    guard = command[command.index("IF RobOS() THEN") : command.index("ENDIF")]
+    assert "EXIT;" in guard
+    assert "SIMULATED" in guard
+    assert command.index("VAR ") < command.index("IF ") < command.index("result:=")
+    assert "RobOS" not in rapid_text(calibration(run))
 
 
 def test_hostile_names_are_comments_only(tmp_path: Path) -> None:
