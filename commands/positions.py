@@ -117,4 +117,5 @@ def _write(answer: "Conversion", folder: Path, as_json: bool) -> None:
     _show(answer, as_json)
     if not as_json:
         count = counted(len(answer.files), "file")
-        say(f"Written to {written.folder}: {count}, positions.html, audit.json", to=console)
+        beside = ", ".join(path.name for path in (written.html, written.pdf, written.result))
+        say(f"Written to {written.folder}: {count}, {beside}", to=console)

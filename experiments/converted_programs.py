@@ -33,6 +33,7 @@ from .positions.position import PositionLanguage, What
 from .positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from .positions.program_backup import Backup, read_backup
 
+_MOST_NAMED = 6  # lines in an error
 _LINES = re.compile(r"(?P<file>.+):(?P<first>\d+)(?:-(?P<last>\d+))?")
 _ROBROOT = (
     "The arm's base is taken to be at 0 of the world: the backup does not say where it is (--base, if it is"
@@ -264,7 +265,20 @@ def _converted(
     if judged is not None:
         notes += judged.warnings
     about = replace(about, backup=path.name, language=language.name, notes=tuple(notes))
-    return converted_backup(backup, arm, frames, _accepted(choices.accept), about)
+    accepted = _accepted(choices.accept)
+    lines_of_all = set[tuple[str, int]]().union(*accepted.values())
+    answer = converted_backup(backup, arm, frames, lines_of_all, about)
+    listed = {(one.file, one.line) for one in answer.listed}
+    for text, lines in accepted.items():
+        if listed.isdisjoint(lines):
+            raise BadInput(
+                "--accept names no line that is to be looked at",
+                found=text,
+                allowed=", ".join(f"{file}:{line}" for file, line in sorted(listed)[:_MOST_NAMED])
+                or "nothing: there is no such line",
+                remedy="leave it out, or name the line that the table lists (the same command without it)",
+            )
+    return answer
 
 
 def _require_this_model(backup: Backup, robot: Robot) -> None:
@@ -302,12 +316,13 @@ def _pose(text: str, option: str, language: PositionLanguage) -> tuple[str, Matr
     return name, language.pose(stated_numbers(values, count, option, f"[NAME=]{language.form}"))
 
 
-def _accepted(texts: Sequence[str]) -> set[tuple[str, int]]:
-    lines: set[tuple[str, int]] = set()
+def _accepted(texts: Sequence[str]) -> dict[str, set[tuple[str, int]]]:
+    """The files and lines of each text of --accept."""
+    lines: dict[str, set[tuple[str, int]]] = {}
     for text in (part.strip() for each in texts for part in each.split(",")):
         match = _LINES.fullmatch(text)
         if match is None:
             raise BadInput("--accept is not understood", found=text, allowed="FILE:LINE or FILE:FIRST-LAST")
         first, last = int(match["first"]), int(match["last"] or match["first"])
-        lines |= {(match["file"], line) for line in range(first, min(last, first + 100_000) + 1)}
+        lines[text] = {(match["file"], line) for line in range(first, min(last, first + 100_000) + 1)}
     return lines

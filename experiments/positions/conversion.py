@@ -323,7 +323,7 @@ def converted_backup(
         _listed(one, accepted, _shift(one, reading, moved, arm)) for one in _in_order(reading.doubtful)
     )
     rows = [_row(one, moved.get(number)) for number, one in enumerate(reading.positions)]
-    notes = [*about.notes, *_where_frames_are(backup, frames)]
+    notes = [*about.notes, *_where_frames_are(backup, frames), *_quarters(reading, moved)]
     if not arm.poses_only:
         notes += _to_measure_again(backup, frames)
     answer = replace(
@@ -385,6 +385,23 @@ def _row(
         None if each is None else each.moved_mm,
         None if each is None else each.uncertainty_mm,
     )
+
+
+def _quarters(
+    reading: BackupReading, moved: Mapping[int, tuple[MovedPosition, PositionFrames, PositionFrames]]
+) -> Iterator[str]:
+    """Which stated configurations are written otherwise: a joint passes a quarter turn, no arm flips."""
+    rows = [(reading.positions[number], each) for number, (each, *_) in moved.items()]
+    changed = [
+        f"{one.file.name}:{one.line} {', '.join(one.configuration)} to {', '.join(each.configuration)}"
+        for one, each in rows
+        if each.configuration and each.configuration != one.configuration
+    ]
+    if changed:
+        yield (
+            "A joint passes a quarter turn: its stated configuration is written otherwise, and the arm does"
+            f" not flip: {listed(changed, 6)}."
+        )
 
 
 def _listed(

@@ -8,6 +8,7 @@ from plain_posterior import beam
 from zerobeam.analysis.observability.check import check
 from zerobeam.experiments.plans.patterns import _LINES, Line, pattern, reach
 from zerobeam.model.errors import BadInput
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.likelihood.problem import Problem
 
 
@@ -135,3 +136,27 @@ def test_a_beam_along_the_line_has_no_roll(refused):
     line = Line(distance=700.0, height=0.0, width=300.0, roll=0.0)
     error = refused(pattern, header(target=target), irb1600(), target, "x", line=line)
     assert "no roll about it" in str(error)
+
+
+@pytest.mark.parametrize(("robot", "which", "ahead"), [("ur5e", "x", 600.0), ("panda", "y", 500.0)])
+def test_where_its_line_cannot_be_shot_from_one_that_can_is_offered(robot, which, ahead):
+    """All were told to put the target nearer to the middle of the workspace, which did not help."""
+    arm, target = load_robot(robot), np.array([ahead, 0.0, 0.0])
+    own = header(target=target).model_copy(update={"robot": robot})
+    with pytest.raises(BadInput, match="another line serves") as caught:
+        pattern(own, arm, target, which)
+    words = str(caught.value.remedy).partition(": ")[2].split()
+    line = Line(
+        **{
+            option.removeprefix("--"): float(length)
+            for option, length in zip(words[::2], words[1::2], strict=True)
+        }
+    )
+    assert line != Line()
+    assert pattern(own, arm, target, which, line=line).shape == (7, arm.n)
+
+
+def test_where_no_line_serves_the_postures_are_to_be_chosen_freely():
+    target, line = np.array([900.0, 0.0, 0.0]), Line(distance=5000.0, height=500.0, width=500.0)
+    with pytest.raises(BadInput, match="plan optimal"):
+        pattern(header(target=target), irb1600(), target, "x", line=line)

@@ -343,6 +343,25 @@ def test_lines_are_accepted_by_name(tmp_path: Path) -> None:
     assert kept(folder, "irb120", accept=["M.mod:4-5"]).converted
     with pytest.raises(BadInput, match="--accept"):
         kept(folder, "irb120", accept=["M.mod"])
+    for nothing in ("M.mod:11", "N.mod:4"):  # it was ignored without a word
+        with pytest.raises(BadInput, match="names no line that is to be looked at") as caught:
+            kept(folder, "irb120", accept=["M.mod:4-5", nothing])
+        assert (caught.value.found, caught.value.allowed) == (nothing, "M.mod:4, M.mod:5")
+
+
+def test_a_configuration_that_is_written_otherwise_is_named(tmp_path: Path) -> None:
+    """[0,0,0,0] became [0,-1,0,0] without a word."""
+    row = [*GOOD[:3], 0.1, *GOOD[4:]]
+    answer = kept(
+        one_file(tmp_path, module(MOVE, data=robtarget(row))), "irb120", np.array([0, 0, 0, -0.5, 0, 0])
+    )
+    assert answer.converted
+    (note,) = [note for note in answer.notes if "written otherwise" in note]
+    assert "M.mod:2 0, 0, 0, 0 to 0, -1, 0, 0" in note
+    other = kept(
+        one_file(tmp_path, module(MOVE, data=robtarget(GOOD))), "irb120", np.array([0, 0, 0, -0.5, 0, 0])
+    )
+    assert not any("written otherwise" in note for note in other.notes)
 
 
 def test_the_shift_of_a_relative_move_is_that_of_an_arm_that_runs_it(tmp_path: Path) -> None:
