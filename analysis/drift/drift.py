@@ -287,11 +287,16 @@ class Drift:
     def shared_variance(self, along: Matrix) -> float:
         """The variance by deviations of the geometry, which many results do not average out: the largest of
         any."""
-        variances = [0.0]
-        for observation in self.series.observations:
-            part = along[[self.series.names.index(name) for name in observation.names]]
-            variances.append(float(part @ observation.shared @ part))
-        return max(variances)
+        return float(np.einsum("i,tij,j->t", along, self._shared, along).max())
+
+    @cached_property
+    def _shared(self) -> Matrix:
+        """(T, m, m) what the geometry adds to each result; 0 where it does not determine an offset."""
+        whole = np.zeros((len(self.series.observations), len(self.series.names), len(self.series.names)))
+        for t, observation in enumerate(self.series.observations):
+            at = [self.series.names.index(name) for name in observation.names]
+            whole[t][np.ix_(at, at)] = observation.shared
+        return whole
 
     def determines_rate(self, offset: str) -> bool:
         """Whether the results say anything of an offset's drift rate: two determine it without a jump or a
@@ -387,7 +392,9 @@ def mixture_quantile(mean: Matrix, std: Matrix, weights: Matrix, q: float) -> Ma
     """The quantile q of mixtures of normal distributions (K, ...) with the `weights` (K,), by Newton's steps
     and, where one leaves the interval that the quantile is in, bisection."""
     low, high = (mean - 12 * std).min(axis=0), (mean + 12 * std).max(axis=0)
-    close, at = _CLOSE * std.min(axis=0), (low + high) / 2
+    close, middle = _CLOSE * std.min(axis=0), weights @ mean
+    spread = np.sqrt(weights @ (std**2 + (mean - middle) ** 2))
+    at = np.clip(middle + special.ndtri(q) * spread, low, high)
     for _ in range(_STEPS):
         z = (at - mean) / std
         excess, slope = weights @ special.ndtr(z) - q, weights @ (np.exp(-(z**2) / 2) / std) / _ROOT_2_PI

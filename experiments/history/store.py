@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
@@ -26,7 +25,7 @@ from ...model.files.run import MADE_OF
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from ...model.records import read, to_json
 from ...words.message import read_message
-from ...words.provenance import SIMULATED, is_simulated, made_of
+from ...words.provenance import is_simulated, made_of
 from .database import Database, arm, document, event, result
 from .stored_result import DAMAGED, Arm, Entry, Event, StoredResult, What, entry_of, is_day, moment, parsed
 
@@ -230,7 +229,7 @@ def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
         times = _moment_of(row.first), _moment_of(row.last)
         verdict: Verdict = read(_VERDICT, json.dumps(row.verdict))
         with history.reading() as connection:
-            simulated = is_simulated(_provenance(connection, row.sha256))
+            simulated = is_simulated(_provenance(_packed(connection, row.sha256)))
         return Arm(*of, row.results, *times, verdict, row.sha256, simulated)
     except DAMAGED:
         stored = list(results(history, of[:2], damaged))
@@ -268,8 +267,8 @@ def results(
 ) -> Iterator[StoredResult]:
     """The results of an arm (serial number, model), or of all, in the order of arm and time: those of one arm
     at a time are in memory. `damaged` hears of those that cannot be read."""
-    query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), _AS_TEXT)
-    query = query.order_by(result.c.measured_at, result.c.sha256)
+    query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), _AS_TEXT, document.c.content)
+    query = query.outerjoin_from(result, document).order_by(result.c.measured_at, result.c.sha256)
     with history.reading() as connection:
         every = [of] if of is not None else []
         if of is None:
@@ -280,7 +279,7 @@ def results(
             of_arm = connection.execute(query.where(result.c.serial == serial, result.c.model == model)).all()
             for row in of_arm:
                 try:
-                    stored = _stored(row._asdict(), _provenance(connection, row.sha256))
+                    stored = _stored(row._asdict(), _provenance(row.content))
                 except DAMAGED as error:
                     which = f"run {str(row.run)!r}, SHA-256 {str(row.sha256)[:_SHORT]}…"
                     damaged(_damage(history, (serial, model), f"the result of {which}", error, _ANEW))
@@ -289,15 +288,15 @@ def results(
 
 
 # What no row has of a provenance is read where the document has any of these: most have none.
-_TOLD_BY_DOCUMENT = re.compile(rf'"origin"\s*:\s*"{SIMULATED}"|"{MADE_OF}"')
+_TOLD_BY_DOCUMENT = (b'"origin"', f'"{MADE_OF}"'.encode())
 
 
-def _provenance(connection: sa.Connection, sha256: str) -> dict[str, object]:
-    """What its document says of a run's origin that no row has; nothing where that is damaged."""
+def _provenance(packed: bytes | None) -> dict[str, object]:
+    """What a document says of its run's origin that no row has; nothing where that is damaged."""
     try:
-        text = _text(connection, sha256) or ""
-        has_more = _TOLD_BY_DOCUMENT.search(text) is not None
-        return dict(parsed(text)["inputs"]["header"]["provenance"]) if has_more else {}
+        content = b"" if packed is None else _unpacked(packed)
+        has_more = any(mark in content for mark in _TOLD_BY_DOCUMENT)
+        return dict(parsed(content.decode())["inputs"]["header"]["provenance"]) if has_more else {}
     except DAMAGED:
         return {}
 
@@ -359,15 +358,19 @@ def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, s
     `DAMAGED` for a document that is not as it was added."""
     with history.reading() as connection:
         for run in sha256:
-            text = _text(connection, run)
-            if text is not None:
-                yield run, text
+            packed = _packed(connection, run)
+            if packed is not None:
+                yield run, _unpacked(packed).decode()
 
 
-def _text(connection: sa.Connection, sha256: str) -> str | None:
+def _packed(connection: sa.Connection, sha256: str) -> bytes | None:
+    packed: bytes | None = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == sha256))
+    return packed
+
+
+def _unpacked(packed: bytes) -> bytes:
     """The whole result.json of a run; one of `DAMAGED` where it is not as it was added."""
-    content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == sha256))
-    return None if content is None else zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()
+    return zlib.decompressobj().decompress(packed, LARGEST_RECORDING)
 
 
 def message_of(history: Database, sha256: str | None) -> Message | None:
