@@ -102,7 +102,8 @@ def _json(value: object) -> str | None:
 
 
 def _content(entry: Entry) -> bytes:
-    return zlib.compress(entry.text.encode(), _LEVEL)
+    text = entry.text.encode()
+    return zlib.compress(text, _LEVEL) + (b"" if _has_more(text) else _NO_MORE)
 
 
 def _held(connection: sa.Connection, sha256: str) -> Values | None:
@@ -229,7 +230,7 @@ def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
         times = _moment_of(row.first), _moment_of(row.last)
         verdict: Verdict = read(_VERDICT, json.dumps(row.verdict))
         with history.reading() as connection:
-            simulated = is_simulated(_provenance(_packed(connection, row.sha256)))
+            simulated = is_simulated(_provenance(connection, row.sha256))
         return Arm(*of, row.results, *times, verdict, row.sha256, simulated)
     except DAMAGED:
         stored = list(results(history, of[:2], damaged))
@@ -267,7 +268,7 @@ def results(
 ) -> Iterator[StoredResult]:
     """The results of an arm (serial number, model), or of all, in the order of arm and time: those of one arm
     at a time are in memory. `damaged` hears of those that cannot be read."""
-    query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), _AS_TEXT, document.c.content)
+    query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), _AS_TEXT, _TAIL)
     query = query.outerjoin_from(result, document).order_by(result.c.measured_at, result.c.sha256)
     with history.reading() as connection:
         every = [of] if of is not None else []
@@ -279,7 +280,7 @@ def results(
             of_arm = connection.execute(query.where(result.c.serial == serial, result.c.model == model)).all()
             for row in of_arm:
                 try:
-                    stored = _stored(row._asdict(), _provenance(row.content))
+                    stored = _stored(row._asdict(), _provenance(connection, row.sha256, row.tail))
                 except DAMAGED as error:
                     which = f"run {str(row.run)!r}, SHA-256 {str(row.sha256)[:_SHORT]}…"
                     damaged(_damage(history, (serial, model), f"the result of {which}", error, _ANEW))
@@ -287,16 +288,27 @@ def results(
                 yield stored
 
 
-# What no row has of a provenance is read where the document has any of these: most have none.
+# What no row has of a provenance is read where the document has any of these. Most have none, and those that
+# are added now end so, behind the compressed text.
 _TOLD_BY_DOCUMENT = (b'"origin"', f'"{MADE_OF}"'.encode())
+_NO_MORE = b"\0no more"
+_TAIL = sa.func.substr(
+    document.c.content, sa.func.length(document.c.content) + 1 - len(_NO_MORE), len(_NO_MORE)
+).label("tail")
 
 
-def _provenance(packed: bytes | None) -> dict[str, object]:
+def _has_more(text: bytes) -> bool:
+    return any(mark in text for mark in _TOLD_BY_DOCUMENT)
+
+
+def _provenance(connection: sa.Connection, sha256: str, tail: bytes | None = None) -> dict[str, object]:
     """What a document says of its run's origin that no row has; nothing where that is damaged."""
+    if tail is not None and bytes(tail) == _NO_MORE:
+        return {}
     try:
-        content = b"" if packed is None else _unpacked(packed)
-        has_more = any(mark in content for mark in _TOLD_BY_DOCUMENT)
-        return dict(parsed(content.decode())["inputs"]["header"]["provenance"]) if has_more else {}
+        packed = _packed(connection, sha256)
+        text = b"" if packed is None else _unpacked(packed)
+        return dict(parsed(text.decode())["inputs"]["header"]["provenance"]) if _has_more(text) else {}
     except DAMAGED:
         return {}
 

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import sqlalchemy as sa
 from child import ZEROBEAM, child
 from histories import a_result, adding, as_misfit, postgresql, write_result
 
 from zerobeam.experiments.history import store
 from zerobeam.experiments.history.arm_drift import arm_drift
-from zerobeam.experiments.history.database import Database, open_history
+from zerobeam.experiments.history.database import Database, document, open_history
 from zerobeam.experiments.history.store import (
     add,
     add_event,
@@ -47,6 +48,24 @@ def history(tmp_path: Path) -> Iterator[Database]:
     made = open_history(str(tmp_path / "history.sqlite"), create=True)
     yield made
     made.engine.dispose()
+
+
+def test_what_was_simulated_is_known_of_documents_with_a_mark_behind_them_and_without(
+    history: Database, tmp_path: Path
+) -> None:
+    """A document that tells no more than its row ends so; one that was added before has no such end."""
+    for day, stated in ((1, {}), (2, {"origin": "simulated"})):
+        add(history, [entry(tmp_path, a_result(when=f"2026-01-0{day}", **stated))])
+    read = list(results(history))
+    assert [one.simulated for one in read] == [False, True]
+    assert all(json.loads(text) for _, text in documents(history, [one.sha256 for one in read]))
+    with history.engine.begin() as connection:
+        packed = dict(connection.execute(sa.select(document.c.sha256, document.c.content)).all())
+        assert [packed[one.sha256].endswith(store._NO_MORE) for one in read] == [True, False]
+        for one in read:
+            before = {"content": packed[one.sha256].removesuffix(store._NO_MORE)}
+            connection.execute(sa.update(document).where(document.c.sha256 == one.sha256).values(before))
+    assert list(results(history)) == read
 
 
 def test_a_result_comes_back_as_it_was(history: Database, tmp_path: Path) -> None:
