@@ -347,7 +347,8 @@ def _planned(header: Header, robot: Robot, label: str, targets: tuple[str, ...])
         raise BadInput(
             "a plan needs to know about where its target is",
             found=f"no target of {label}",
-            remedy=f"state targets.{instrument.target}: {{guess_mm: [x, y, z], …}} in the header",
+            remedy=f"state --target x,y,z (mm, base frame), or targets.{instrument.target}:"
+            " {guess_mm: [x, y, z], …} in the header",
             argument="target",
         )
     return [Planned(label, variant, name) for name in targets or suited for variant in instrument.variants]

@@ -192,7 +192,7 @@ def _unit_hint(robot: Robot, joints: Matrix) -> str | None:
     if _far_outside(robot, values, chosen) and _inside(robot, np.radians(values), chosen):
         return (
             "radians? all values are within the limits if they are divided by 57.3: "
-            "perhaps they were converted from radians to degrees twice"
+            "perhaps they were degrees already (--units deg), or were converted from radians twice"
         )
     return None
 

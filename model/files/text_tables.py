@@ -378,7 +378,9 @@ def _check_names(names: tuple[str, ...], line: int, delimiter: str, decimal: str
 def _wrong_count(cells: list[str], width: int, whose: str, first: bool, line: int) -> BadInput:
     # The first row decides whether the file is of another robot; a later one is broken in itself.
     remedy = _other_delimiter(cells)
-    if remedy is None and first:
+    if remedy is None and len(cells) < width:
+        remedy = "complete the row: each joint has a value in every row"
+    elif remedy is None and first:
         remedy = "remove the columns that are not joints, or name the columns"
     return BadInput(
         "the row has the wrong number of values",

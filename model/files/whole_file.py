@@ -39,14 +39,14 @@ _BEHIND_THE_END = 2**31 - 2  # the last byte that Windows' C library can lock, a
 def refuse_existing(
     path: Path,
     *,
-    or_else: str = "move it away first",
-    force: bool = False,
+    or_else: str | None = None,
+    force: bool | None = None,
     keep: Iterable[Path | None] = (),
 ) -> None:
     """BadInput if something of this name is there, or if there is no folder to put it in.
 
     `or_else` is what may be done with a file that is there, besides choosing another name. With `force` a
-    regular file may be there, unless it is read-only or one of those to `keep`.
+    regular file may be there, unless it is read-only or one of those to `keep`; None: there is no option.
     """
     require_within(path, hidden=True)
     if force and path.is_file():
@@ -62,7 +62,9 @@ def refuse_existing(
             )
     elif path.exists() or path.is_symlink():
         folder = path.is_dir()
-        remedy = "move it away first" if folder else or_else
+        may_replace = force is not None and not folder
+        remedy = "have it replaced (--force)" if may_replace else "move it away first"
+        remedy = remedy if or_else is None or folder else or_else
         raise BadInput(
             "there is a folder of this name" if folder else "the file exists already",
             file=path,
@@ -75,7 +77,7 @@ def refuse_existing(
 
 
 @uninterrupted()
-def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool = False) -> None:
+def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool | None = None) -> None:
     """Write text as UTF-8, or bytes, next to `path`, bring it to the disk, then give it its name.
 
     Text may come in pieces: between them a request to end is obeyed, and whatever they raise leaves no file.
@@ -96,7 +98,7 @@ def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool
                 file.flush()
                 os.fsync(file.fileno())
             os.chmod(part, 0o666 & ~_umask())
-            _name(Path(part), path, force)
+            _name(Path(part), path, bool(force))
         finally:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(part)

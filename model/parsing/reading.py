@@ -80,7 +80,9 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
             file=path,
         )
     if not content.strip():
-        raise BadInput("the file is empty", file=path)
+        raise BadInput(
+            "the file is empty", remedy="is it the right file? Save it again where it was made", file=path
+        )
     return content
 
 

@@ -67,7 +67,7 @@ def batch_page(done: Batch) -> Page:
     robots = sorted({clipped(row.robot) for row in done.rows if row.robot})
     key, word = ("pass", "All pass") if done.passed else ("weak", "Not all pass")
     runs = "run" if count == 1 else "runs"
-    sentence = f"{passed:,} of {count:,} {runs} {'is a pass' if passed == 1 else 'are a pass'}"
+    sentence = f"{passed:,} of {count:,} {runs} {'is a pass' if 1 in (passed, count) else 'are a pass'}"
     if simulated := sum(row.simulated for row in done.rows if row.outcome == "pass"):
         sentence += f" ({simulated:,} simulated)"
     others = [

@@ -298,7 +298,7 @@ def write_plan_page(path: Path | str, aimed: AimedPlan, check: Check) -> None:
     BadInput if something else is there or the folder does not exist, NotWritten where it cannot be written.
     """
     path = Path(path)
-    refuse_existing(path, force=_is_plan_page(path))
+    refuse_existing(path, force=_is_plan_page(path) or None)
     write_whole(Path(os.path.realpath(path)), plan_page(aimed, check), force=True)
 
 

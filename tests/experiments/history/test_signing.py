@@ -96,8 +96,9 @@ def test_a_key_is_its_owners_alone_and_is_never_replaced(tmp_path: Path) -> None
     assert stat.S_IMODE((tmp_path / "key.pub").stat().st_mode) == 0o666
     assert fingerprint(public_key(tmp_path / "key.pub")) == told
     content = (tmp_path / "key").read_bytes()
-    with pytest.raises(BadInput, match="exists already"):
+    with pytest.raises(BadInput, match="exists already") as caught:
         make_key(tmp_path / "key", None)
+    assert "--force" not in str(caught.value)  # no key is ever replaced
     (tmp_path / "key").rename(tmp_path / "away")
     with pytest.raises(BadInput, match=r"key\.pub: the file exists already"):
         make_key(tmp_path / "key", None)

@@ -162,7 +162,9 @@ def test_a_written_plan_is_for_people(tmp_path):
 def test_nothing_is_overwritten_and_nothing_unsound_is_written(tmp_path, refused):
     path = tmp_path / "plan.yaml"
     path.write_text("mine")
-    assert "exists already" in refused(write_plan, path, header(), POSTURES, ["psd"] * 4).what
+    error = refused(write_plan, path, header(), POSTURES, ["psd"] * 4, force=False)
+    assert "exists already" in error.what
+    assert "--force" in str(error.remedy)
     assert path.read_text() == "mine"
     other = tmp_path / "other.yaml"
     assert "outside its limits" in refused(write_plan, other, header(), POSTURES + 300, ["psd"] * 4).what

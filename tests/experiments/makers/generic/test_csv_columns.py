@@ -193,4 +193,7 @@ def test_a_delimiter_among_decimal_commas(read, refused):
     text = "\n".join(";".join(map(str, row)) for row in POSTURES).replace(".", ",") + "\n"
     assert len(read(text, ["a"], delimiter=None, decimal=",").shots) == 4
     assert "--decimal ," in refused(read, text, ["a"], delimiter=None).remedy
-    assert refused(read, "nothing\n", ["a"], delimiter=None).what == "the row has the wrong number of values"
+    few = refused(read, "nothing\n", ["a"], delimiter=None)
+    assert few.what == "the row has the wrong number of values"
+    assert str(few.remedy).startswith("complete the row")
+    assert "right file" in str(refused(read, "", ["a"]).remedy)
