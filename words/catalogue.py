@@ -63,7 +63,7 @@ from .entries import (
     why_each,
     why_open,
 )
-from .finding_words import finding_sentence, likelihood_message
+from .finding_words import finding_sentence, likelihood_message, small_residuals
 from .geometry_words import confounded_sentence, with_own_u, worth_sentence
 from .misfit_words import (
     CAUSES,
@@ -326,7 +326,9 @@ def _look_at_held_out(misfit: HeldOutMisfit, case: RunCase) -> str:
 def _determine(one: Open, case: RunCase) -> str:
     better = _better_postures(one, case)
     if better is None:
-        return f"Enter nothing yet: {direction_remedy(one.direction, person)}."
+        postures = one.direction.tried is not None and one.direction.tried.how != "tolerances"
+        other = " Or plan the best postures, which this command does:" if postures and case.plan else ""
+        return f"Enter nothing yet: {direction_remedy(one.direction, person)}.{other}"
     return f"Enter nothing yet: {better.text}."
 
 
@@ -614,5 +616,10 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry("what a pass does not exclude", "note", found=_besides(_unnoticed)),
     FindingEntry("a requirement that cannot be judged", "note", found=_besides(_unjudged)),
     FindingEntry("what the geometry does", "note", found=_besides(_worth)),
+    FindingEntry(
+        "residuals that are far too small",
+        "note",
+        found=_besides(lambda result, case: small_residuals(result.likelihood)),
+    ),
     FindingEntry(FileWarning, "note", _finding, about="file"),
 )

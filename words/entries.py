@@ -25,7 +25,7 @@ VERDICT_WORDS: dict[PlanVerdict, str] = {
     "misfit": "Misfit",
     "violated": "Constraints violated",
 }
-_MOST_CAUTIONS = 6
+_MOST_CAUTIONS = 7
 _MOST_REASONS = 2
 NONE_ESTIMATED = "No offset is estimated: all are held."
 

@@ -305,7 +305,22 @@ def goodness_of_fit(result: Result, noise: str) -> list[str]:
         )
     else:
         sentences.append(f"The residuals agree with the {noise} noise ({measure}).")
-    return sentences + beside
+    return [*sentences, *small_residuals(fit), *beside]
+
+
+def small_residuals(fit: LikelihoodSummary) -> list[str]:
+    """That residuals are smaller than noise and tolerances allow, although an arm without any deviation may
+    leave as small ones."""
+    if fit.p_value is None or not fit.dof or 1 - fit.p_value >= LACK_OF_FIT:
+        return []
+    if fit.p_small is not None and fit.p_small < LACK_OF_FIT:
+        return []  # the noise alone says so
+    p_value = numbers.p_value(1 - fit.p_value)
+    return [
+        f"The residuals are far smaller than noise and tolerances lead to (p\u00a0{p_value}): this"
+        " arm deviates less than the tolerances, the noise is overstated, or the measurements are not"
+        " independent. U is then larger than it has to be, or not proven."
+    ]
 
 
 def not_converged(fit: LikelihoodSummary) -> list[str]:

@@ -58,11 +58,18 @@ _HARDLY = 0.95  # of a U that is left were this known exactly: it does not matte
 
 
 def basis_lines(
-    bases: Sequence[Basis], header: Mapping[str, object], k: float, name: Namer, *, effects: bool
+    bases: Sequence[Basis],
+    header: Mapping[str, object],
+    k: float,
+    name: Namer,
+    *,
+    effects: bool,
+    of: str = "",
 ) -> tuple[str, ...]:
-    """The lines; with `effects` what each does to the expanded uncertainties, of coverage factor `k`."""
-    by_header = [*_noise(header), *(_words(one, k, name, effects) for one in bases if one.stated)]
-    assumed = [_words(one, k, name, effects) for one in bases if not one.stated]
+    """The lines; with `effects` what each does to the expanded uncertainties, of coverage factor `k`; `of` as
+    of `quantity_of_u`."""
+    by_header = [*_noise(header), *(_words(one, k, name, effects, of) for one in bases if one.stated)]
+    assumed = [_words(one, k, name, effects, of) for one in bases if not one.stated]
     lines = [f"Stated: {'; '.join(by_header)}."] if by_header else []
     return (*lines, *([f"Assumed: {'; '.join(assumed)}."] if assumed else []))
 
@@ -96,7 +103,7 @@ def _sizes(entry: Mapping[str, object], keys: Sequence[tuple[str, Unit]]) -> str
     return listed(parts) if parts else ""
 
 
-def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
+def _words(basis: Basis, k: float, name: Namer, effects: bool, of: str) -> str:
     if basis.part == "links":
         exact, text = "links exact", _of_arm(basis)
     else:
@@ -110,7 +117,8 @@ def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
         return f"{text} (U hardly less if exact)"
     u, if_exact = (numbers.spread(k * each, basis.unit or "") for each in (basis.u, basis.u_if_exact))
     (offset,) = joints([basis.offset], name)
-    return f"{text} ({offset} U {u}, if exact {if_exact})"
+    what = f"{of} U".lstrip()
+    return f"{text} ({offset} {what} {u}, if exact {if_exact})"
 
 
 def _of_arm(basis: Basis) -> str:
@@ -136,8 +144,10 @@ def message(answer: Result | Check) -> Message:
         return plan_message(answer)
     case = RunCase.of_result(answer)
     k, header = answer.coverage_factor, answer.inputs.header
-    basis = basis_lines(answer.taken_as_known, header, k, person, effects=case.sound)
-    return replace(message_of_run(case), basis=basis)
+    content = message_of_run(case)
+    of = quantity_of_u(values_shown(answer, content))
+    basis = basis_lines(answer.taken_as_known, header, k, person, effects=case.sound, of=of)
+    return replace(content, basis=basis)
 
 
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
@@ -194,8 +204,8 @@ def message_of_run(case: RunCase) -> Message:
 
     content = message_by(case, RUN, "", worst_of(rows, k, value))
     values = None if case.result is None else values_shown(case.result, content)
-    of = "" if values is None or values.as_offsets else "offset"
-    return replace(content, verdict=_verdict(case, of), action=_saved_first(case, content.action))
+    verdict = _verdict(case, quantity_of_u(values))
+    return replace(content, verdict=verdict, action=_saved_first(case, content.action))
 
 
 def _verdict(case: RunCase, of: str) -> str:
@@ -315,6 +325,11 @@ def offered(result: Result, content: Message) -> Entered | None:
 def values_shown(result: Result, content: Message) -> Entered | None:
     """Those that the one table has in place of the offsets: where the controller takes offsets."""
     return offered(result, content) if taken_by(result.inputs.vendor) == "offsets" else None
+
+
+def quantity_of_u(values: Entered | None) -> str:
+    """What a U is of that is said beside the one table, where that has the U of other `values`."""
+    return "" if values is None or values.as_offsets else "offset"
 
 
 def next_steps(result: Result, content: Message) -> NextSteps:

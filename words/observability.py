@@ -315,7 +315,10 @@ def _as_good_as(cause: AsGoodAs) -> str:
 
 def _determining(cause: AsGoodAs) -> str:
     """What would make an offset more than assumed."""
-    return f"{_PLAN_ANEW}, and {stating(cause.of)}" if cause.weak else stating(cause.of)
+    if not cause.weak:
+        return stating(cause.of)
+    keys = list(dict.fromkeys(one.key for one in cause.of))
+    return f"plan other postures; measure and state {listed(keys)}"
 
 
 def stating(of: Sequence[Assumption]) -> str:

@@ -112,8 +112,9 @@ def trusted(row: _Row, k: float, tolerances: Mapping[str, float]) -> str:
         case "identified":
             return "yes"
         case "assumed" if isinstance(cause, AsGoodAs):
-            parts = [f"{part_of(one).removeprefix('the ')} assumed {size_of(one)}" for one in cause.of]
-            return f"no: {'weak, and ' if cause.weak else ''}{listed(list(dict.fromkeys(parts)))}"
+            of = [one.part if cause.weak else part_of(one).removeprefix("the ") for one in cause.of]
+            parts = [f"{part} assumed {size_of(one)}" for part, one in zip(of, cause.of, strict=True)]
+            return f"no: {'weak, ' if cause.weak else ''}{listed(list(dict.fromkeys(parts)))}"
         case "assumed":
             return "no: assumed"
         case "weak":

@@ -376,8 +376,11 @@ class Prospect:
 
     @cached_property
     def improvable(self) -> Index:
-        """The offsets that do not rest on tool and frames, at least in other postures."""
+        """The offsets that do not rest on tool and frames, at least in other postures; nor would there, where
+        these measurements do not determine them."""
         rest = set(self.resting.tolist())
+        for roots in self.better.values():
+            rest |= set(np.flatnonzero(self._determined(roots, assumed=True) & ~self.known_now).tolist())
         for roots in self.better.values():
             rest -= set(np.flatnonzero(self._determined(roots)).tolist())
         return np.array([k for k in self.offsets.tolist() if k not in rest], dtype=np.int64)
@@ -477,10 +480,10 @@ class Prospect:
         estimates = EstimatesOfArms.of_new_run(self.belief, covariance, roots)
         return self._row(remedy, shots, covariance, estimates, determined, self.each * len(roots), options)
 
-    def _determined(self, roots: Matrix) -> Mask:
+    def _determined(self, roots: Matrix, *, assumed: bool = False) -> Mask:
         """(f,) what measurements with these roots (N, d, f) determine with nothing known but the tolerances,
-        those that are assumed of tool and frames not among them."""
-        known_to = np.array([item.tolerated and not item.assumed for item in self.items])
+        those that are `assumed` of tool and frames not among them unless that is asked for."""
+        known_to = np.array([item.tolerated and (assumed or not item.assumed) for item in self.items])
         covariance = _inverse(roots, np.where(known_to, 1.0, _NOTHING))
         determined = np.sqrt(np.diag(covariance)) <= _DETERMINED
         determined[self.never] = False

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from ...analysis.acceptance.acceptance import ErrorSize
 from ...analysis.answer.result import LikelihoodSummary, Result
-from ...analysis.diagnostics.values_to_enter import TcpError
+from ...analysis.diagnostics.values_to_enter import Entered, TcpError
 from ...analysis.solution import ParameterResult
 from ...experiments.history.certified import (
     CERTIFICATE_SCHEMA,
@@ -31,12 +31,14 @@ from ...model.errors import BadInput
 from ...model.records import dumps, it, keys, read, record, to_json
 from ...words import numbers
 from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
+from ...words.controllers import taken_by
 from ...words.entries import VERDICT_WORDS, said_word
+from ...words.finding_words import small_residuals
 from ...words.geometry_words import factors_sentence, tolerances_words
 from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR, left_out
 from ...words.region_words import region_words
-from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
+from ...words.wording import clipped, counted, ended, joints, label, listed, sentence, shown
 from ..acceptance.acceptance_page import read_acceptance
 from ..output.whole_folder import FolderContents, Kind, write_answer
 from ..run.fit_section import intervals_table
@@ -263,10 +265,16 @@ def _found_and_left(certificate: Certificate) -> Iterator[tuple[str, str]]:
         ended(f"The offsets above{'' if tcp is None else f'; error of the TCP {region}: {_tcp(tcp)}'}"),
     )
     if (expected := certificate.expected["tcp"]) is not None:
+        result, exact = certificate.result, ""
+        if result.enter is not None and taken_by(certificate.vendor) == "offsets":
+            values = listed(_entered(result.enter, certificate.k), 99)
+            yield "Values to enter", f"{values}; U is the values' own."
+        if result.geometry.tolerance is None:
+            exact = " The links are taken as exact: those of a typical arm add to it."
         yield (
             "Expected as left",
             f"Error of the TCP {region}: {_tcp(expected)}, once the values to enter are in the"
-            " controller: predicted, not measured.",
+            f" controller: predicted, not measured.{exact}",
         )
     if left is None:
         yield "As left", "Not measured for this certificate: ______________________________"
@@ -281,6 +289,15 @@ def _found_and_left(certificate: Certificate) -> Iterator[tuple[str, str]]:
         f" measurement is {numbers.significant(error.noise_mm, 2, 'mm')}.",
     )
     yield "Verification run", f"{shown(left.run)}, SHA-256 {left.sha256}"
+
+
+def _entered(entered: Entered, k: float) -> list[str]:
+    """The values to enter with their own U."""
+    u = {name: numbers.spread(k * std, "deg") for name, std in entered.u.items()}
+    return [
+        f"{joints([name])[0]} {numbers.estimate(value, k * entered.u[name], 'deg')} ± {u[name]}"
+        for name, value in entered.values.items()
+    ]
 
 
 def _tcp(error: TcpError) -> str:
@@ -416,6 +433,7 @@ def _fit(fit: LikelihoodSummary) -> str:
         chi2 = numbers.significant(fit.chi2)
         parts.append(f"χ²\u00a0{chi2}, p-value {numbers.p_value(fit.p_value)} for the stated noise.")
     parts.append("No misfit was found.")
+    parts += small_residuals(fit)
     if fit.message:
         parts.append(ended(f"{fit.message[0].upper()}{fit.message[1:]}"))
     return " ".join(parts)

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from ...analysis.answer.answer_message import Message
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.values_to_enter import Entered, TcpError
+from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.observability.outlook import Outlook
 from ...analysis.solution import ParameterResult
 from ...words import numbers
@@ -17,7 +18,7 @@ from ...words.case import RunCase
 from ...words.controllers import taken_by
 from ...words.enter import ALL_OR_NONE, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT, U_OF_VALUES
 from ...words.geometry_words import OffsetRow
-from ...words.message import offered, values_shown
+from ...words.message import offered, quantity_of_u, values_shown
 from ...words.numbers import unit_of
 from ...words.outlook_words import (
     HEADS,
@@ -47,14 +48,16 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
+from .parameter_section import worth_column
 from .workspace import NAME as MAP
 
 
 def outlook_blocks(
-    outlook: Outlook | None, rows: Iterable[OffsetRow], planned: str | None, *, brief: bool
+    outlook: Outlook | None, rows: Iterable[OffsetRow], planned: str | None, *, brief: bool, of: str = ""
 ) -> list[Block]:
     """At most three remedies if `brief`, else all beside the answer as it is, with the commands; `rows` are
-    those of the offsets, `planned` as of `plan_command`. Nothing where none gains anything."""
+    those of the offsets, `planned` as of `plan_command`, `of` as of `quantity_of_u`. Nothing where none gains
+    anything."""
     if outlook is None or not outlook.worth:
         return []
     shown = (
@@ -67,7 +70,7 @@ def outlook_blocks(
     if brief:
         head = f"{TITLE} (TCP: {region_short(outlook.region)})"
         cells = [row_of(one.remedy, one.largest, one.tcp_median, one.minutes) for one in words]
-        return [table_of("", [head, "largest U", "TCP", "time"], cells, "lr")]
+        return [table_of("", [head, " ".join(f"largest {of} U".split()), "TCP", "time"], cells, "lr")]
     cells = [row_of(one.remedy, *one.U, one.tcp_median, one.tcp_95, one.minutes) for one in words]
     heads = ["", *(joints([name])[0] for name in units), *HEADS]
     table = table_of(f"{TITLE}: predicted U (k = 2) of each offset, and error of the TCP", heads, cells, "lr")
@@ -97,14 +100,22 @@ def _blocks(result: Result, content: Message, remedies: bool) -> Iterator[Block]
     head = "offset"
     if (values := values_shown(result, content)) is not None:
         head = "enter" if may.enter else "would enter"
-    tolerances = tolerances_of(result.inputs.header)
-    yield offsets_front(offsets, result.coverage_factor, tolerances, head, values, doubted=not may.export)
+    yield offsets_front(
+        offsets,
+        result.coverage_factor,
+        tolerances_of(result.inputs.header),
+        head,
+        values,
+        doubted=not may.export,
+        geometry=result.geometry,
+    )
     if result.null_motion is not None:
         yield FigureBlock(NAME)
     yield from _tcp(result, entered)
     planned = RunCase.of_result(result).planned
     if remedies:
-        yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True)
+        of = quantity_of_u(values)
+        yield from outlook_blocks(result.outlook, result.offsets, planned, brief=True, of=of)
     if entered is not None:
         yield FigureBlock(MAP)
     elif shows_scene(result, entered):
@@ -126,14 +137,25 @@ def offsets_front(
     entered: Entered | None = None,
     *,
     doubted: bool = False,
+    geometry: GeometryResult | None = None,
 ) -> Table:
     """The one table: joint, value, its U, and why it can be trusted or not; none is where something speaks
-    against the values (`doubted`). `tolerances` are those of `trusted`."""
+    against the values (`doubted`). `tolerances` are those of `trusted`. Beside the U of
+    values for an arm that is taken as exact is that for a typical arm, by the `geometry`."""
     columns = ["joint", head, f"± U ({numbers.coverage(k)})", "trusted"]
     caption = ""
     if entered is not None and not entered.as_offsets:
         caption = ALL_OR_NONE if head == "enter" else U_OF_VALUES
     rows = [_row(row, k, tolerances, entered, doubted=doubted) for row in offsets]
+    if entered is not None and geometry is not None and geometry.tolerance is None:
+        _, worth = worth_column(geometry, k)
+        columns.insert(3, "typical arm")
+        beside = [worth(row) if row.std is not None and row.status != "assumed" else "" for row in offsets]
+        rows = [
+            Row((*row.cells[:-1], Cell(u), row.cells[-1]), row.tone)
+            for row, u in zip(rows, beside, strict=True)
+        ]
+        return table_of(caption, columns, rows, "lrrrl")
     return table_of(caption, columns, rows, "lrrl")
 
 
@@ -145,10 +167,11 @@ def _row(
     *,
     doubted: bool,
 ) -> Row:
-    """One joint. What is not determined, and of values to enter what is not entered, has no number."""
+    """One joint. What is not determined, what is only assumed, and of values to enter what is not entered,
+    has no number."""
     (name,), why = joints([row.name]), Cell(row.trusted or trusted(row, k, tolerances), mark=row.status)
     tone = row.status
-    if row.held:
+    if row.held or row.status == "assumed":
         return row_of(name, "", "", why, tone=tone)
     if row.estimate is None or row.std is None:
         return row_of(name, Cell(NOT_DETERMINED, span=2), why, tone=tone)
@@ -179,10 +202,16 @@ def _tcp(result: Result, offered: Entered | None) -> Iterator[Block]:
         if result.next_steps is None or result.accuracy.workspace is None:
             yield Paragraph(TCP_NOT_CLAIMED)
         return
+    of = "median (95 % stay below)"
     bars = [_bar("now", entered.tcp_before, "held"), Bar(after, 0.0, "not claimed", "held")]
     if offered is not None:
         bars[1] = _bar(after, entered.tcp_after, "identified")
-    yield Bars(f"TCP error, median (95 % stay below), {region_words(result.region)}", bars)
+    else:  # the arm is not known well enough: where its median may be
+        of, before = "median of this arm (95 %)", entered.tcp_before
+        low, high = (numbers.significant(each, 2, "mm") for each in before.median_band_mm)
+        bars[0] = Bar("now", before.median_mm, f"{low} to {high}", "held")
+    exact = ", links taken as exact" if result.geometry.tolerance is None else ""
+    yield Bars(f"TCP error, {of}, {region_words(result.region)}{exact}", bars)
 
 
 def _bar(name: str, error: TcpError, tone: str) -> Bar:

@@ -106,7 +106,11 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
     instruments, k = result.inputs.instruments, result.coverage_factor
-    heads = [f"{label(budget.name)} ({numbers.symbol(budget.unit)})" for budget in budgets]
+    assumed = {row.name for row in result.parameters if row.status == "assumed"}
+    heads = [
+        f"{label(budget.name)} ({numbers.symbol(budget.unit)}){', assumed' if budget.name in assumed else ''}"
+        for budget in budgets
+    ]
     shown = []
     for i in sorted(kept):
         source = rows[0][i]

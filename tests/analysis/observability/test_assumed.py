@@ -90,10 +90,10 @@ def test_what_better_knowledge_would_leave_weak_is_said_and_no_remedy_alone() ->
     assert assumed.status == "assumed"
     assert (close.status, exact.status) == ("weak", "weak")
     assert exact.data_std == pytest.approx(assumed.data_std, rel=0.1)
-    assert remedy(assumed.cause).startswith("plan other postures (zerobeam plan optimal), and measure the ")
+    assert remedy(assumed.cause) == "plan other postures; measure and state tool.sigma.tilt_deg"
     assert reason(assumed.cause).endswith("; weakly observable however well that is known")
     k, tolerances = 2.0, {"deg": 0.1}
-    assert trusted(assumed, k, tolerances) == "no: weak, and laser's mounting assumed 0.05°"
+    assert trusted(assumed, k, tolerances) == "no: weak, mounting assumed 0.05°"
     cause = beam_solution()["delta6"].cause
     assert isinstance(cause, AsGoodAs)
     assert not cause.weak

@@ -69,6 +69,16 @@ def test_now_is_what_the_check_says_of_what_measurements_can_improve() -> None:
     assert pytest.approx({name: expanded(check)[name] for name in OFFSETS}, rel=1e-9) == now.U
 
 
+def test_what_is_undetermined_now_and_would_rest_on_the_mounting_is_in_no_remedy() -> None:
+    """Of two measurements nothing is determined: better postures determine all that measurements can."""
+    check = check_plan(typical(2))
+    assert check.outlook is not None
+    assert {name: u for name, u in check.outlook.now.U.items() if u is not None} == {}
+    for row in rows(check.outlook, "more"):
+        assert set(row.U) == OFFSETS
+        assert None not in row.U.values()
+
+
 def test_a_mounting_that_is_measured_gives_what_the_header_then_gives() -> None:
     (row,) = rows(outlook_of(typical()), "mounting")
     assert row.state == {"tool.sigma.tilt_deg": 0.01}

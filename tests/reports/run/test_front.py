@@ -25,6 +25,7 @@ from zerobeam.reports.run.report import pictures, report_page
 from zerobeam.reports.run.run_scene import run_turnable
 from zerobeam.reports.scenes.turnable import STILL, still_picture
 from zerobeam.reports.style.blocks import Bars, Block, FigureBlock, Paragraph, Table
+from zerobeam.words import numbers
 from zerobeam.words.message import message
 
 LINES, WORDS, ON_PAPER, VERDICT, PAGES = 25, 200, 250, 15, 6
@@ -49,6 +50,41 @@ def on_paper(result: Result, draws: Draws | None) -> list[PageObject]:
     assert turnable is not None
     drawn = pictures(result, draws) | {STILL: still_picture(turnable)}
     return list(PdfReader(io.BytesIO(pdf(report_page(result), drawn))).pages)
+
+
+def table(result: Result) -> Table:
+    return next(block for block in front(result, message(result)) if isinstance(block, Table))
+
+
+@pytest.mark.parametrize("name", ["good", "x_pattern", "geometry"])
+def test_what_is_assumed_has_no_number(name: str) -> None:
+    """Whether values or offsets are shown."""
+    result = EXAMPLES[name]
+    assumed = [row.name for row in result.offsets if row.status == "assumed"]
+    assert assumed
+    rows = {row.cells[0].text: [cell.text for cell in row.cells[1:-1]] for row in table(result).rows}
+    assert all(not any(rows[f"J{name.removeprefix('delta')}"]) for name in assumed)
+
+
+def test_values_for_an_exact_arm_have_the_u_of_a_typical_one_beside_theirs() -> None:
+    result = good()
+    shown = table(result)
+    assert [column.text for column in shown.columns][2:4] == ["± U (k\u00a0=\u00a02)", "typical arm"]
+    by_name = {row.cells[0].text: row.cells[3].text for row in shown.rows}
+    for name, u in result.geometry.consider.items():
+        if result.parameters.named(name).status == "identified":
+            assert by_name[f"J{name[-1]}"] == numbers.spread(2 * u, "deg")
+    assert "typical arm" not in [column.text for column in table(geometry()).columns]
+
+
+def test_where_the_tcp_is_now_has_a_band_where_nothing_is_entered() -> None:
+    """A median alone is no more than that of the mean arm."""
+    result = geometry()
+    content = replace(message(result), may=May())
+    (bars,) = (block for block in front(result, content) if isinstance(block, Bars))
+    assert result.entered_geometry is not None or result.entered is not None
+    assert "median of this arm (95 %)" in bars.caption
+    assert re.fullmatch(r"[\d.]+\smm to [\d.]+\smm", bars.rows[0].text)
 
 
 @pytest.mark.parametrize("case", demo_runs(), ids=lambda case: case.name)

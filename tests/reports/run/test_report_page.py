@@ -114,6 +114,7 @@ def test_the_unknown_names_combination_kind_reason_and_remedy() -> None:
         ({"chi2": 60.0, "p_value": 1e-9}, LackOfFit(60.0, 6, 1e-9), "Lack of fit: residuals are 3.2 times"),
         ({"chi2": 0.1, "p_value": 0.9999, "p_small": 1e-4}, None, "smaller than the stated noise"),
         ({"chi2": 0.1, "p_value": 0.9999, "p_small": 0.2}, None, "agree with the stated noise"),
+        ({"chi2": 0.1, "p_value": 0.9999, "p_small": 0.2}, None, "far smaller than noise and"),
         ({"converged": False, "reason": "too many steps"}, None, "did not converge (too many steps)"),
     ],
 )
