@@ -32,6 +32,8 @@ def to_the_result(tab: Tab, walker: Walker) -> None:
     walker.press("link", "New calibration")
     wait(tab, "document.querySelector('.new select')")
     walker.choose("Robot", "LR Mate 200iD")
+    # What is assumed of the arm comes from the server, and moves what is below it.
+    wait(tab, "document.querySelector('.new').textContent.includes('Assumed on the flange')")
     walker.press("button", "Make the plan")
     wait(tab, "document.querySelector('tr[data-of=delta2]')", _MINUTES)
     walker.press("button", "Measure")

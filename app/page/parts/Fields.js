@@ -100,7 +100,9 @@ function Field({ field, value, usual, hint, items, onValue }) {
         whole=${kind === "whole"} least=${field.least ?? -Infinity} most=${field.most ?? Infinity}
         value=${now === "" ? null : Number(now)} ...${more}
         onValue=${(/** @type {number | null} */ n) => then(n === null ? "" : String(n))} />`;
-  const about = field.help.replace(/\.$/, ""), says = about.toLowerCase() === label.toLowerCase() ? "" : about;
+  const plain = (/** @type {string} */ text) => text.toLowerCase().replace("’", "'");
+  const about = field.help.replace(/\.$/, "");
+  const says = plain(about) === plain(label) ? "" : about;
   const help = html`<span class="help">${[says, hint].filter(Boolean).join("; ")}</span>`;
   if (kind === "box") {
     return html`
