@@ -87,10 +87,10 @@ def pattern(
         )
     forward, above, usual = _LINES[which]
     shares = (forward, above, usual if span is None else span)
-    stated = (line.distance, line.height, line.width)
+    lengths_in_mm = (line.distance, line.height, line.width)
     lengths = [
         share * reach(robot) if length is None else length
-        for length, share in zip(stated, shares, strict=True)
+        for length, share in zip(lengths_in_mm, shares, strict=True)
     ]
     problem = Problem.build(header, robot, np.zeros((1, robot.n)), [name])
     along = np.array([1.0, 0.0, 0.0]) if which == "x" else np.array([0.0, 1.0, 0.0])
@@ -103,7 +103,7 @@ def pattern(
         f"the {which.upper()}-Pattern cannot be made: the arm cannot shoot from all of its line",
         found=f"no posture has the laser at {_point(starts[unreached])} mm and sees {_point(target)} mm"
         " past the arm itself",
-        remedy=_other_line(solver, lengths, [length is None for length in stated], shots),
+        remedy=_other_line(solver, lengths, [length is None for length in lengths_in_mm], shots),
     )
 
 

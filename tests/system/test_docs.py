@@ -238,6 +238,7 @@ OPEN = {
     "state",
     "status",
     "u",
+    "stated",
     "values",
     "versions",
     "worst_std",
