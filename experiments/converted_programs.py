@@ -270,7 +270,7 @@ def _converted(
     answer = converted_backup(backup, arm, frames, lines_of_all, about)
     listed = {(one.file, one.line) for one in answer.listed}
     for text, lines in accepted.items():
-        if listed.isdisjoint(lines):
+        if listed.isdisjoint(lines) and not answer.refused:  # else the table is not whole
             raise BadInput(
                 "--accept names no line that is to be looked at",
                 found=text,

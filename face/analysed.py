@@ -319,7 +319,7 @@ class Analysed(ShownPage, Analysis):
         >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
         >>> held = sol.refit(hold={"J6": 0}, drop=[3], ess=100)
         >>> held["J6"].status, len(held.data), len(sol.data)
-        ('held', 6, 7)
+        ('held', 8, 9)
         """
         run = refit_run(self, self.run, {} if hold is None else hold, drop)
         return analyse(run, seed=self.result.inputs.seed, ess=ess, progress=progress)
@@ -365,7 +365,7 @@ class Analysed(ShownPage, Analysis):
         >>> from zerobeam.experiments.demos import demo_runs
         >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
         >>> sol.predict([10, -20, 30, 5, 40, 0], unit="deg").loc[0, ["x_mm", "u_x_mm"]].round(1).tolist()
-        [525.2, 1.0]
+        [525.7, 0.6]
         """
         return predicted_positions(self, joints, unit, point_mm)
 

@@ -54,7 +54,7 @@ class Profile(ProfileCurve):
     >>> from zerobeam.experiments.demos import demo_runs
     >>> profile = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100).profile("J2")
     >>> profile
-    <Profile of delta2: -1.238 ± 0.078 deg, deviates by 0.0... u from the normal>
+    <Profile of delta2: -1.204 ± 0.024 deg, deviates by 0.0... u from the normal>
     >>> low, high = profile.interval(0.95)
     >>> low < profile.estimate < high
     True

@@ -25,7 +25,8 @@ VERDICT_WORDS: dict[PlanVerdict, str] = {
     "misfit": "Misfit",
     "violated": "Constraints violated",
 }
-_MOST_CAUTIONS = 7
+_MOST_SAID = 7
+MOST_CAUTIONS = 3  # on page one
 _MOST_REASONS = 2
 NONE_ESTIMATED = "No offset is estimated: all are held."
 
@@ -132,7 +133,7 @@ def message_by(
         worst=worst,
         cause=cause,
         action=next(action for row in rows if (action := row.action(answer)) is not None),
-        cautions=tuple(ended(sentence(text)) for text in cautions)[:_MOST_CAUTIONS],
+        cautions=tuple(ended(sentence(text)) for text in cautions)[:_MOST_SAID],
         grade=grade,
         may=may,
     )

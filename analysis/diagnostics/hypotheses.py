@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from scipy.spatial.transform import Rotation
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.robot_file import built_in_robots, load_robot
@@ -93,7 +92,7 @@ def _beam_axes(problem: Problem) -> Iterator[Change]:
     for direction in lines:
         if abs(np.array(direction) @ along) > 1 - _SAME_AXIS:
             continue
-        turn, _ = Rotation.align_vectors([direction], [along])
+        turn, _ = scipy.spatial.transform.Rotation.align_vectors([direction], [along])
         turned = np.eye(4)
         turned[:3, :3] = turn.as_matrix()
         turned[:3, 3] = tool.point - turn.apply(tool.point)

@@ -154,6 +154,11 @@ class MarginalT(NamedTuple):
     scale: float
     nu: float
 
+    @property
+    def variance(self) -> float:
+        """Of nu above 2."""
+        return self.scale**2 * self.nu / (self.nu - 2)
+
     def probability(self, x: Matrix) -> Matrix:
         return np.asarray(scipy.special.stdtr(self.nu, (x - self.location) / self.scale))
 
@@ -231,5 +236,10 @@ def weighted_ends(x: Matrix, weights: Weights, proposal: MarginalT | None = None
             error -= below - float(proposal.probability(ends[k]))
         sizes[k] = p * (1 - p) * count / max(float((error**2).mean()), 1e-300)
     mean = float((w * x).mean())
-    std = float(np.sqrt((w * (x - mean) ** 2).mean()))
-    return Ends(std, float(ends[0]), float(ends[1]), float(sizes.min()))
+    variance = float((w * (x - mean) ** 2).mean())
+    if proposal is not None:
+        # With the same control variate: what is known of the proposal is not estimated.
+        centred = x - proposal.location
+        square = proposal.variance + float(((w - 1) * centred**2).mean())
+        variance = square - float(((w - 1) * centred).mean()) ** 2
+    return Ends(float(np.sqrt(variance)), float(ends[0]), float(ends[1]), float(sizes.min()))

@@ -11,14 +11,13 @@ from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.observability.outlook import COVERAGE
 from ...words import numbers
-from ...words.entries import VERDICT_WORDS
+from ...words.entries import MOST_CAUTIONS, VERDICT_WORDS
 from ...words.geometry_words import check_lines, worth_sentence
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines, remaining
 from ...words.plan_catalogue import check_notes, plan_headline, plan_message, planned_anew
 from ...words.trust import tolerances_of, trusted
 from ...words.wording import joints, label, person, sentence, status_words
-from ..run.brief_page import MOST_CAUTIONS
 from ..run.front import outlook_blocks
 from ..run.parameter_section import worth_column
 from ..run.unobservable import direction_words

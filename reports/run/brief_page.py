@@ -10,6 +10,7 @@ from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.case import run_argument
+from ...words.entries import MOST_CAUTIONS
 from ...words.geometry_words import worth_sentence
 from ...words.message import WHAT_ELSE, message, verdict_words
 from ...words.provenance import BAND, is_simulated, true_values
@@ -61,9 +62,6 @@ def next_steps_section(result: Result) -> Section | None:
         if step.commands:
             blocks.append(Commands(step.commands))
     return section_of("What to do next", *blocks) if blocks else None
-
-
-MOST_CAUTIONS = 3  # on page one
 
 
 def page_of(
