@@ -24,6 +24,12 @@ BEGAN = time.monotonic()
 gc.set_threshold(50_000, 20, 20)
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Half as many again as cores: some tests wait for a browser, a server or a clock."""
+    cores = os.cpu_count() or 1
+    return cores + cores // 2
+
+
 def pytest_collection_finish() -> None:
     """What has been collected stays to the end, and need not be looked at again by the garbage collector."""
     gc.freeze()

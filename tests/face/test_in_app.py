@@ -118,8 +118,7 @@ def test_without_the_extra_it_says_how_to_install_it(monkeypatch: pytest.MonkeyP
 _PROGRAM = """
 import sys
 import zerobeam as zb
-from exact_runs import demo_runs
-sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+sol = zb.analyse(zb.read_run(sys.argv[1]), ess=100)
 print(sol.app().address, flush=True)
 sys.stdin.readline()
 """
@@ -128,7 +127,10 @@ sys.stdin.readline()
 @pytest.mark.long
 def test_a_solution_opens_its_result_and_the_server_ends_with_the_process() -> None:
     with subprocess.Popen(
-        [sys.executable, "-c", _PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", _PROGRAM, demo_runs()[0].path],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None

@@ -19,7 +19,7 @@ def require_degenerate_and_unsampled(run):
     assert analysis.converged
     assert analysis.verdict == "degenerate"
     by_name = {row.name: row.status for row in analysis.offsets}
-    assert by_name["delta3"] == "identified"
+    assert by_name["delta3"] in ("identified", "weak")
     assert by_name["delta2"] == by_name["delta4"] == by_name["delta5"] == "unidentifiable"
     assert analysis["delta3"].estimate == pytest.approx(0.5, abs=3 * analysis["delta3"].std)
     assert analysis.draws is None

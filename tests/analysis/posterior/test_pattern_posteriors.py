@@ -157,11 +157,12 @@ def test_where_no_other_method_serves_the_draws_are_not_converged(monkeypatch):
 
 @pytest.mark.long
 def test_hamiltonian_chains_see_the_same():
-    """Long ones, of which each step is nearly independent: 30,000 draws, a std to 0.6 %."""
+    """Long ones, of which each step is nearly independent: 30,000 draws, a std to 0.6 %; of the chains
+    9,000 effective ones, to 0.8 %, of so curved a posterior to twice that: the largest of five below 2.5."""
     solution = y_pattern()
     summary, _ = sample_posterior(solution, seed=1, ess=4000)
     expected = by_hamiltonian(solution, chains=256, warm=150, steps=120)
-    assert np.abs(stds(summary) / expected - 1).max() < 0.03
+    assert np.abs(stds(summary) / expected - 1).max() < 0.045
 
 
 @dataclass(frozen=True)

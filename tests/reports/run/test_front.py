@@ -19,13 +19,14 @@ from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.experiments.demos import DemoRun, demo_runs
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.output.terminal import print_page
-from zerobeam.reports.run.brief_page import MOST_CAUTIONS, front_page
+from zerobeam.reports.run.brief_page import front_page
 from zerobeam.reports.run.front import MAP, front
 from zerobeam.reports.run.report import pictures, report_page
 from zerobeam.reports.run.run_scene import run_turnable
 from zerobeam.reports.scenes.turnable import STILL, still_picture
 from zerobeam.reports.style.blocks import Bars, Block, FigureBlock, Paragraph, Table
 from zerobeam.words import numbers
+from zerobeam.words.entries import MOST_CAUTIONS
 from zerobeam.words.message import message
 
 LINES, WORDS, ON_PAPER, VERDICT, PAGES = 25, 200, 250, 15, 6
