@@ -34,7 +34,7 @@ from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
-from .observability.causes import AtOptima, JudgedRow, LocalOptima, NullDirection, Unconverged, cause_for
+from .observability.causes import AtOptima, JudgedRow, LocalOptima, NullDirection, Unconverged
 from .observability.changes import Displacement, displacement
 from .observability.geometry_result import (
     GeometryResult,
@@ -445,15 +445,7 @@ class Solution:
         by_tolerances = (
             float(self._tolerance_share[i]) if determined and len(self.problem.tolerated) else None
         )
-        judged_by = self.identified
-        cause = cause_for(
-            judged_by.facts.null_space,
-            item,
-            status,
-            by_tolerances,
-            judged_by.rests_on,
-            judged_by.still_weak,
-        )
+        cause = self.identified.cause(item, status, by_tolerances)
         return ParameterResult(
             name=item.name,
             unit=item.unit,

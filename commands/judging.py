@@ -222,8 +222,7 @@ def _held_out(values: list[str]) -> list[str] | Run:
 
 def exit_status_of_plan(check: Check) -> int:
     """By its verdict; 1 too where what is required is predicted not to be met."""
-    short = check.outlook is not None and check.outlook.falls_short
-    return max(EXIT_STATUS[check.verdict], int(short))
+    return max(EXIT_STATUS[check.verdict], int(check.falls_short))
 
 
 def exit_status_of(analysis: Analysis) -> int:

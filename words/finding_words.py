@@ -317,7 +317,7 @@ def small_residuals(fit: LikelihoodSummary) -> list[str]:
         return []  # the noise alone says so
     p_value = numbers.p_value(1 - fit.p_value)
     return [
-        f"The residuals are far smaller than noise and tolerances lead to (p\u00a0{p_value}): this"
+        f"The residuals are far smaller than noise and tolerances predict (p\u00a0{p_value}): this"
         " arm deviates less than the tolerances, the noise is overstated, or the measurements are not"
         " independent. U is then larger than it has to be, or not proven."
     ]

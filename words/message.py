@@ -64,7 +64,7 @@ def basis_lines(
     name: Namer,
     *,
     effects: bool,
-    of: str = "",
+    of: str = "U",
 ) -> tuple[str, ...]:
     """The lines; with `effects` what each does to the expanded uncertainties, of coverage factor `k`; `of` as
     of `quantity_of_u`."""
@@ -117,8 +117,7 @@ def _words(basis: Basis, k: float, name: Namer, effects: bool, of: str) -> str:
         return f"{text} (U hardly less if exact)"
     u, if_exact = (numbers.spread(k * each, basis.unit or "") for each in (basis.u, basis.u_if_exact))
     (offset,) = joints([basis.offset], name)
-    what = f"{of} U".lstrip()
-    return f"{text} ({offset} {what} {u}, if exact {if_exact})"
+    return f"{text} ({offset} {of} {u}, if exact {if_exact})"
 
 
 def _of_arm(basis: Basis) -> str:
@@ -329,7 +328,7 @@ def values_shown(result: Result, content: Message) -> Entered | None:
 
 def quantity_of_u(values: Entered | None) -> str:
     """What a U is of that is said beside the one table, where that has the U of other `values`."""
-    return "" if values is None or values.as_offsets else "offset"
+    return "U" if values is None or values.as_offsets else "offset U"
 
 
 def next_steps(result: Result, content: Message) -> NextSteps:

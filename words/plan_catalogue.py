@@ -211,7 +211,7 @@ def _assumed_in(check: Check) -> Iterator[tuple[Assumption, ...]]:
 
 
 def _short_of_required(check: Check) -> Iterator[Outlook]:
-    if check.outlook is not None and check.outlook.falls_short:
+    if check.falls_short and check.outlook is not None:
         yield check.outlook
 
 

@@ -29,7 +29,7 @@ def offsets_sentence(
     k: float,
     name: Namer = person,
     after: Status | None = None,
-    of: str = "",
+    of: str = "U",
 ) -> str:
     """Which offsets are determined, in one short sentence, the gravest first: `J2 to J5 are identified,
     U ≤ 0.17° (k = 2); J6 assumed.` Their table says why. The status `after` which it follows is not said
@@ -65,7 +65,7 @@ _ORDER: tuple[Status, ...] = ("unidentifiable", "weak", "identified", "assumed")
 
 
 def verdict_sentence(
-    word: str, verdict: str, rows: Sequence[_Offset], k: float, name: Namer = person, of: str = ""
+    word: str, verdict: str, rows: Sequence[_Offset], k: float, name: Namer = person, of: str = "U"
 ) -> str:
     """The `word` of a verdict and the offsets; a word that is theirs too is said once."""
     if verdict == "weak" and any(row.status == "weak" for row in rows):
@@ -79,7 +79,7 @@ def _at_most(rows: Sequence[_Offset], k: float, of: str) -> str:
     for row in rows:
         largest[row.unit] = max(largest.get(row.unit, 0.0), k * (row.std or 0.0))
     values = " and ".join(numbers.spread(u, numbers.unit_of(unit)) for unit, u in largest.items())
-    return f"{of} U ≤ {values}".lstrip()
+    return f"{of} ≤ {values}"
 
 
 class _Row(_Offset, Protocol):

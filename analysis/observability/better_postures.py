@@ -228,7 +228,7 @@ def usual_constraints(problem: Problem, x: Matrix) -> StatedConstraints:
     """The constraints of `plan optimal` that aimed shots keep, where nothing is stated."""
     if not problem.tool.beam:
         return StatedConstraints(margin_deg=USUAL.margin_deg)
-    if _faced(USUAL, problem, x).mean() >= _OBEYED:
+    if np.count_nonzero(_faced(USUAL, problem, x)) >= _OBEYED * problem.shots:
         return USUAL
     return StatedConstraints(margin_deg=USUAL.margin_deg, beam_mm=USUAL.beam_mm)
 

@@ -19,7 +19,7 @@ from ..estimation.threads import one_blas_thread
 from ..status import Status, Verdict, has_numbers, verdict_of, versions
 from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan
-from .causes import JudgedRow, Tried, cause_for
+from .causes import JudgedRow, Tried
 from .geometry_result import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import Outlook, Prospect, Prospects
@@ -292,6 +292,11 @@ class Check:
         return max(known_stds) if known_stds and len(known_stds) == len(stds) else None
 
     @property
+    def falls_short(self) -> bool:
+        """Whether what is required of the robot is predicted not to be met."""
+        return self.outlook is not None and self.outlook.falls_short
+
+    @property
     def violations(self) -> tuple[Violation, ...]:
         """What the postures break of the plan's constraints, in their order."""
         return tuple(each for posture in self.postures for each in posture.violations)
@@ -329,7 +334,8 @@ class Check:
             search = RemedySearch(
                 shots, x, identified.status, np.sqrt(np.diag(covariance)), taken.tolist(), allowed=allowed
             )
-            facts = replace(identified.facts, null_space=search.with_remedies(identified.facts.null_space))
+            null_space = search.with_remedies(identified.facts.null_space)
+            identified = replace(identified, facts=replace(identified.facts, null_space=null_space))
             outlook = None
             if prospects is not None:
                 outlook = Prospect(
@@ -357,14 +363,7 @@ class Check:
                     data_std=data_std * item.display if np.isfinite(data_std) else None,
                     std=float(std[i]) * item.display if has_numbers(status) else None,
                     prior_std=item.prior_std * item.display,
-                    cause=cause_for(
-                        facts.null_space,
-                        item,
-                        status,
-                        by_tolerances,
-                        identified.rests_on,
-                        identified.still_weak,
-                    ),
+                    cause=identified.cause(item, status, by_tolerances),
                     tolerance_share=by_tolerances,
                     tolerated=item.tolerated,
                 )
@@ -372,7 +371,7 @@ class Check:
         return cls(
             verdict=cast(Planned, "violated" if violations else observable),
             parameters=CheckedTable(rows),
-            identifiability=facts,
+            identifiability=identified.facts,
             power=powers(judged, at, identified),
             geometry=geometry,
             postures=tuple(

@@ -47,6 +47,7 @@ from .causes import (
     ToolRotation,
     Unexplained,
     WithinTolerances,
+    cause_for,
 )
 from .gauges import PART, ROUNDING, Gauge, Marginal, complement, gauge_at, gauge_of, information_roots
 
@@ -236,6 +237,11 @@ class Identified:
         return (
             f"<Identified: rank {self.facts.rank}, before the model is tested; solution.status is the answer>"
         )
+
+    def cause(self, item: Parameter, status: Status, tolerance_share: float | None) -> Cause | None:
+        """Why a parameter of that `status` has no number, or a poor one: `cause_for`."""
+        facts = self.facts.null_space
+        return cause_for(facts, item, status, tolerance_share, self.rests_on, self.still_weak)
 
 
 def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:

@@ -101,14 +101,17 @@ class _Posteriors:
         w = w.reshape(sets, count, size)
         taken = np.zeros((sets, draws), dtype=int)
         served, accepted = np.zeros(sets, dtype=bool), np.zeros(sets)
-        for k in np.flatnonzero(np.isfinite(log_weights).any(axis=1)):
+        poor: dict[int, Matrix] = {}
+        for k in np.flatnonzero(np.isfinite(log_weights).any(axis=1)).tolist():
             weights = Weights.of(log_weights[k])
             marks = (np.arange(draws) + rng.random()) / draws
             taken[k] = np.searchsorted(np.cumsum(weights.values) / count, marks)
             served[k], accepted[k] = weights.serve, weights.acceptance
+            if not weights.serve:
+                poor[k] = weights.values / count
         x = self._parameters(np.take_along_axis(w, taken[..., None], axis=1).reshape(-1, size))
-        for poor in np.flatnonzero(~served & (accepted > 0)).tolist():
-            self._refit(poor, w[poor], Weights.of(log_weights[poor]).values / count)
+        for k, shares in poor.items():
+            self._refit(k, w[k], shares)
         return x.reshape(sets, draws, -1), served, accepted
 
     def _refit(self, k: int, w: Matrix, shares: Matrix) -> None:

@@ -10,14 +10,20 @@
 # # Tracker and PSD together
 #
 # A laser alone has no scale. A tracker with an unknown reflector has no offset of the last joint. Together
-# they determine both. The page is a notebook in plain Python; a simulated arm gives the measurements.
+# they determine both, since it is stated how well the laser's mounting was measured (`sigma`). The page is a
+# notebook in plain Python; a simulated arm gives the measurements.
 
 # %%
 import zerobeam as zb
 
 header = {
     "robot": "irb1600",
-    "tool": zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    "tool": {
+        "kind": "laser",
+        "point_mm": [0, 0, 65],
+        "direction": [1, 0, 0],
+        "sigma": {"tilt_deg": 0.05, "shift_mm": 0.1},
+    },
     "instruments": {
         "leica": {
             "kind": "tracker",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Literal
 
@@ -172,14 +173,14 @@ class _BeamAt:
 
     def may_reach(self, starts: Matrix) -> bool:
         """Whether a few seeds lead to a posture at every start."""
-        seeds = np.array(self._seeds()[:_FEW_SEEDS])
+        seeds = np.array(self._seeds[:_FEW_SEEDS])
         _, good = self._solved(np.repeat(starts, len(seeds), axis=0), np.tile(seeds, (len(starts), 1)))
         return bool(good.reshape(len(starts), -1).any(axis=1).all())
 
     def _posture(self, start: Matrix, near: list[Matrix]) -> Matrix | None:
         # With its roll a posture is one of a few, and those of a row do not jump from one to another.
         first, *more = (
-            [near] if near and self._roll is not None else [[*near, *self._seeds()[:1]], self._seeds()[1:]]
+            [near] if near and self._roll is not None else [[*near, *self._seeds[:1]], self._seeds[1:]]
         )
         for seeds in (first, *more):
             postures, good = self._solved(np.repeat(start[None], len(seeds), axis=0), np.array(seeds))
@@ -187,6 +188,7 @@ class _BeamAt:
                 return np.asarray(postures[np.flatnonzero(good)[0]])
         return None
 
+    @cached_property
     def _seeds(self) -> list[Matrix]:
         """The middle of the ranges, and random postures about it, the nearest first."""
         robot, rng = self._problem.robot, np.random.default_rng(7)
@@ -225,7 +227,7 @@ class _BeamAt:
         solution = levenberg_marquardt(least_squares(residual), seeds, max_iterations=60)
         value, _ = residual(solution.x, np.arange(len(seeds)))
         good = np.abs(value[:, : -robot.n]).max(axis=1) <= _HIT_MM
-        good &= np.logical_not([beyond_limits(robot, q, 0.0).any() for q in solution.x])
+        good &= ~beyond_limits(robot, solution.x, 0.0).any(axis=1)
         if good.any():
             origin, direction = self._beam(solution.x, parts.arm, parts.tool)
             good &= ((self._target - origin) * direction).sum(axis=1) > 0

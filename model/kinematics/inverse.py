@@ -64,7 +64,7 @@ def _errors(robot: Robot, poses: Matrix, joints: Matrix) -> tuple[Matrix, Matrix
     return np.hstack([shift, turn]), scaled
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=8)
 def _sample(robot: Robot) -> tuple[Matrix, Matrix]:
     """Joints within the limits, and the poses there."""
     full = np.array([np.pi if joint.kind == "revolute" else np.inf for joint in robot.joints])

@@ -377,7 +377,7 @@ class Robot(ByValue):
         return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes, links
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _motion(robot: Robot) -> Kernel:
     """Joints (n,) to the upper rows (3, 4) of the flange's pose and its Jacobian (6, n).
 

@@ -53,7 +53,7 @@ from .workspace import NAME as MAP
 
 
 def outlook_blocks(
-    outlook: Outlook | None, rows: Iterable[OffsetRow], planned: str | None, *, brief: bool, of: str = ""
+    outlook: Outlook | None, rows: Iterable[OffsetRow], planned: str | None, *, brief: bool, of: str = "U"
 ) -> list[Block]:
     """At most three remedies if `brief`, else all beside the answer as it is, with the commands; `rows` are
     those of the offsets, `planned` as of `plan_command`, `of` as of `quantity_of_u`. Nothing where none gains
@@ -70,7 +70,7 @@ def outlook_blocks(
     if brief:
         head = f"{TITLE} (TCP: {region_short(outlook.region)})"
         cells = [row_of(one.remedy, one.largest, one.tcp_median, one.minutes) for one in words]
-        return [table_of("", [head, " ".join(f"largest {of} U".split()), "TCP", "time"], cells, "lr")]
+        return [table_of("", [head, f"largest {of}", "TCP", "time"], cells, "lr")]
     cells = [row_of(one.remedy, *one.U, one.tcp_median, one.tcp_95, one.minutes) for one in words]
     heads = ["", *(joints([name])[0] for name in units), *HEADS]
     table = table_of(f"{TITLE}: predicted U (k = 2) of each offset, and error of the TCP", heads, cells, "lr")

@@ -89,7 +89,7 @@ def action_of_plan(check: Check, action: Action) -> OfferedAction:
                 [targets[i] for i in kept],
                 [kept.index(of) if (of := again[i]) in kept else None for i in kept],
             )
-    elif check.verdict == "pass" and not (check.outlook is not None and check.outlook.falls_short):
+    elif check.verdict == "pass" and not check.falls_short:
         label, does = "Measure", DoesStep(step="measure")
     elif simple and (tried := tried_change(check)) is not None:
         new, like = carried_out(check, tried)
