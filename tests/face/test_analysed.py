@@ -24,11 +24,6 @@ HOSTILE = "<script>alert(1)</script>"
 
 
 @pytest.fixture(scope="module")
-def good() -> zb.Analysed:
-    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100)
-
-
-@pytest.fixture(scope="module")
 def x_pattern() -> zb.Analysed:
     return analysed_once(zb.read_run(demo_runs()[1].path), ess=100)
 

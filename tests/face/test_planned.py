@@ -19,11 +19,6 @@ HEADER = {
 TARGET = (900, 0, 0)
 
 
-@pytest.fixture(scope="module")
-def best() -> zb.OptimalPlan:
-    return zb.optimal_plan(HEADER, TARGET, candidates=300)
-
-
 def in_a_row(**changes) -> zb.Plan:
     """Joint 1 at rest: nothing says what joint 2 does."""
     postures = [[0, 10 * k, 20 - 5 * k, 0, 50 - 5 * k, 0] for k in range(5)]

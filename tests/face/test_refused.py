@@ -18,11 +18,6 @@ POSTURE = [10, -20, 30, 5, 40, 0]
 
 
 @pytest.fixture(scope="module")
-def good() -> zb.Analysed:
-    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100)
-
-
-@pytest.fixture(scope="module")
 def plan(good: zb.Analysed) -> zb.Plan:
     priors = {"psd": {"guess_mm": (950, 150, 100)}}
     return zb.Plan.from_arrays(**HEADER, postures=good.run.joints, unit="rad", target_priors=priors)
@@ -114,8 +109,7 @@ def test_what_holds_numbers_is_as_good_as_a_list(good: zb.Analysed, drop: object
     assert list(good.refit(drop=drop, ess=100).data.index) == [0, 1, 2, 4, 5, 6]
 
 
-def test_an_optimal_plan_says_where_its_plan_is() -> None:
-    best = zb.optimal_plan(HEADER, (900, 0, 0), candidates=100)
+def test_an_optimal_plan_says_where_its_plan_is(best: zb.OptimalPlan) -> None:
     for call in (zb.check, zb.simulate):
         with pytest.raises(zb.BadInput, match="its attribute `plan`"):
             call(best)

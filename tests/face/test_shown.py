@@ -10,29 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from analysed_once import analysed_once
-from exact_runs import demo_runs
 
 import zerobeam as zb
 from zerobeam.analysis.observability.check import CheckedParameter
 from zerobeam.analysis.solution import ParameterResult
 from zerobeam.analysis.status import UNVALIDATED
-
-HEADER = {
-    "robot": "irb1600",
-    "tool": zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
-    "noise": zb.Noise(joint_deg=0.01, spot_mm=0.05),
-}
-
-
-@pytest.fixture(scope="module")
-def good() -> zb.Analysed:
-    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100)
-
-
-@pytest.fixture(scope="module")
-def best() -> zb.OptimalPlan:
-    return zb.optimal_plan(HEADER, (900, 0, 0), candidates=300)
 
 
 @pytest.mark.long

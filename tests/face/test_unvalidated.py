@@ -6,17 +6,10 @@ import pickle
 from xml.etree import ElementTree
 
 import pytest
-from analysed_once import analysed_once
-from exact_runs import demo_runs
 from matplotlib.figure import Figure as PlainFigure
 
 import zerobeam as zb
 from zerobeam.analysis.status import UNVALIDATED
-
-
-@pytest.fixture(scope="module")
-def good() -> zb.Analysed:
-    return analysed_once(zb.read_run(demo_runs()[0].path), ess=100)
 
 
 @pytest.fixture(scope="module")

@@ -148,12 +148,3 @@ def _rotated(vector: Matrix) -> Matrix:
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
-
-
-def same_poses(meant: Matrix, reached: Matrix) -> bool:
-    """Whether poses (N, 4, 4) of the flange agree within 0.01 mm and 0.001 degrees."""
-    if len(meant) != len(reached):
-        return False
-    apart = np.linalg.norm(meant[:, :3, 3] - reached[:, :3, 3], axis=1)
-    turns = _rotation(meant[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1))
-    return bool((apart < 0.01).all() and (np.degrees(np.linalg.norm(turns, axis=1)) < 0.001).all())

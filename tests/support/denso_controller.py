@@ -13,12 +13,10 @@ from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
 
 from zerobeam.model.arrays import Matrix
-from zerobeam.model.kinematics.robot import Robot
 
 ROBOT, TARGET = "vs060", (400.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "pacscript", "pacscript", ".pcs"
 STEP_DEG = 1e-9  # the digits of the positions of a plan's program
-DIGITS_MM = 1e-3  # … and of a program of a person
 
 
 class PacScriptController:
@@ -83,11 +81,3 @@ def _numbers(pose: Matrix) -> str:
     """X, Y, Z, RX, RY, RZ."""
     turns = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
     return ", ".join(f"{value:.6f}" for value in [*pose[:3, 3], *turns])
-
-
-def _figure(robot: Robot, row: Matrix) -> int:
-    """A number for each branch of the VS-060. Which number Denso gives which branch is not interpreted."""
-    q2, q3 = np.radians(row[1]), np.radians(row[1] + row[2])
-    ahead = 305 * np.sin(q2) - 10 * np.cos(q3) + 300 * np.sin(q3)
-    above = row[2] > np.degrees(np.arctan2(10, 300))
-    return 4 * int(ahead > 0) + 2 * int(above) + int(row[4] > 0)

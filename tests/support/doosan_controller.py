@@ -17,7 +17,6 @@ from zerobeam.model.arrays import Matrix
 ROBOT, TARGET = "m1013", (600.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "drl", "drl", ".drl"
 STEP_DEG = 1e-9  # the digits of the positions of a plan's program
-DIGITS_MM = 1e-3  # … and of a program of a person
 FRAME = 101
 
 

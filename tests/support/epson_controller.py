@@ -19,7 +19,6 @@ from zerobeam.model.files.robot_file import BUILT_IN
 TARGET = (500.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "spel", "spel", ".prg"
 STEP_DEG = 1e-9  # the digits of the positions of a plan's program
-DIGITS_MM = 1e-3
 
 
 def robot_file(folder: Path) -> str:
@@ -116,55 +115,8 @@ def _numbers(pose: Matrix) -> list[str]:
     return [f"{value:.6f}" for value in [*pose[:3, 3], *turns]]
 
 
-_POINT = """Point{n} {{
-\tnNumber={n}
-\tsLabel="{label}"
-\tsDescription=""
-\tnUndefined=0
-\trX={0}
-\trY={1}
-\trZ={2}
-\trU={3}
-\trV={4}
-\trW={5}
-\trR=0
-\trS=0
-\trT=0
-\tnLocal=2
-\tnHand={hand}
-\tnElbow={elbow}
-\tnWrist={wrist}
-\tnJ1Flag=0
-\tnJ2Flag=0
-\tnJ4Flag=0
-\tnJ6Flag=0
-\trJ1Angle=0
-\trJ4Angle=0
-\tbSimVisible=False
-}}
-"""
-_HEAD = """ENVT0100,LM:2026/01/01 00:00:00:000,DS:0100000000,CS:03408,MA:,EI:
-sVersion="2.0.0"
-nDisplayMode=4
-bDisplayR=False
-bDisplayS=False
-bDisplayT=False
-nNumberOfJoints=6
-nNumberOfPoints={count}
-"""
-
-
 def _words(row: Matrix) -> list[int]:
     """1 or 2 for hand, elbow and wrist, by the side view of the arm, whose joint 3 turns against joint 2."""
     lower, fore = np.radians([row[1], row[1] - row[2]])
     ahead = 355 * np.sin(lower) + 375 * np.sin(fore)
     return [1 + int(each) for each in (ahead < 0, row[2] > 0, row[4] < 0)]
-
-
-def in_files(folder: Path, text: str) -> Path:
-    """The program, and its points beside it."""
-    folder.mkdir(exist_ok=True)
-    code, head, points = text.partition("ENVT")
-    for name, content in (("job.prg", code), ("robot1.pts", head + points)):
-        (folder / name).write_bytes(content.encode("latin-1"))
-    return folder / "job.prg"

@@ -6,7 +6,6 @@ Written from the manual of AS, without the code that is tested.
 from __future__ import annotations
 
 import re
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from zerobeam.model.arrays import Matrix
 ROBOT, TARGET = "rs007n", (500.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "as", "as", ".as"
 STEP_DEG = 1e-9  # the digits of the positions of a plan's program
-DIGITS_MM = 1e-3  # … and of a program of a person
 
 
 def carried_out(program: Path, arm: PendantArm) -> Path:
@@ -46,13 +44,6 @@ def carried_out(program: Path, arm: PendantArm) -> Path:
     rows = [f"{name}  {' '.join(f'{value:.6f}' for value in row)}" for name, row in joints.items()]
     saved.write_text("\n".join([text[: text.index(".JOINTS")] + ".JOINTS", *rows, ".END", ""]))
     return saved
-
-
-def _oat(pose: Matrix) -> str:
-    with warnings.catch_warnings():  # of two turns about one axis
-        warnings.simplefilter("ignore")
-        turns = Rotation.from_matrix(pose[:3, :3]).as_euler("ZYZ", degrees=True)
-    return " ".join(f"{value:.6f}" for value in [*pose[:3, 3], *turns])
 
 
 def _pose(text: str) -> Matrix:

@@ -13,12 +13,10 @@ from program_arm import PendantArm
 from scipy.spatial.transform import Rotation
 
 from zerobeam.model.arrays import Matrix
-from zerobeam.model.kinematics.robot import Robot
 
 ROBOT, TARGET = "rv2fr", (350.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "melfa", "melfa", ".prg"
 STEP_DEG = 6e-3  # the digits of the positions of a plan's program
-DIGITS_MM = 1e-3  # … and of a program of a person
 
 
 def carried_out(program: Path, arm: PendantArm) -> Path:
@@ -47,22 +45,9 @@ def carried_out(program: Path, arm: PendantArm) -> Path:
     return saved
 
 
-def _xyzabc(pose: Matrix) -> str:
-    turns = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
-    return ",".join(f"{value:+.6f}" for value in [*pose[:3, 3], *turns])
-
-
 def _pose(text: str) -> Matrix:
     x, y, z, *turns = map(float, text.split(","))
     result = np.eye(4)
     result[:3, :3] = Rotation.from_euler("xyz", turns, degrees=True).as_matrix()
     result[:3, 3] = x, y, z
     return result
-
-
-def _flags(robot: Robot, row: Matrix) -> str:
-    """FL1: 4 in front of axis 1, 2 elbow above, 1 without flip; by the side view of the data sheet."""
-    q2, q3 = np.radians(row[1]), np.radians(row[1] + row[2])
-    ahead = 230 * np.sin(q2) - 50 * np.cos(q3) + 270 * np.sin(q3)
-    above = row[2] > np.degrees(np.arctan2(50, 270))  # upper arm and forearm's line to the wrist
-    return f"({4 * int(ahead > 0) + 2 * int(above) + int(row[4] > 0)},0)"

@@ -19,7 +19,6 @@ from zerobeam.model.kinematics.robot import Robot
 TARGET = (500.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "slim", "slim", ".slim"
 STEP_DEG = 1e-5  # the digits of the positions of a plan's program
-DIGITS_MM = 0.05  # … and of a program of a person, of three decimals
 MOVE = r"MOVEX (?:A=\d,)?(?:AC=0,SM=0,)?M1J,[PL],\(([^()]*)\),[RS]=([\d.]+),H=\d+,MS"
 
 
@@ -54,15 +53,6 @@ def carried_out(program: Path, arm: PendantArm) -> Path:
     file = program.with_name("MZ07-01-A.001")
     file.write_bytes("\r\n".join(saved).encode())
     return file
-
-
-def user_program(robot: Robot, rows: Matrix, line: str = "SET [01]") -> str:
-    moves = [
-        f"MOVEX A={i % 8 + 1},AC=0,SM=0,M1J,P,({','.join(f'{value:.3f}' for value in row)}),"
-        f"{'RS'[i % 2]}=10.0,H=1,MS"
-        for i, row in enumerate(rows)
-    ]
-    return "\r\n".join(["' caf\xe9", *moves, line, "END", ""])
 
 
 def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:

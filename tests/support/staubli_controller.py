@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 from program_arm import PendantArm
-from scipy.spatial.transform import Rotation
 
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.kinematics.robot import Robot
@@ -19,7 +18,6 @@ from zerobeam.model.kinematics.robot import Robot
 ROBOT, TARGET = "tx2_60", (450.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "val3", "val3", ".pjx"
 STEP_DEG = 6e-4  # the digits of the positions of a plan's program
-DIGITS_MM = 1e-3  # … and of a program of a person
 _DATA = "{http://www.staubli.com/robotics/VAL3/Data/2}"
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 JOINTS = [f"j{i}" for i in range(1, 7)]
@@ -60,11 +58,6 @@ def attributes(keys: list[str], values: Matrix) -> str:
     return " ".join(f'{key}="{value:.6f}"' for key, value in zip(keys, values, strict=True))
 
 
-def pose_of(pose: Matrix) -> str:
-    turns = Rotation.from_matrix(pose[:3, :3]).as_euler("XYZ", degrees=True)
-    return attributes(POSE, np.array([*pose[:3, 3], *turns]))
-
-
 def configuration(robot: Robot, row: Matrix) -> str:
     """By the side view of the data sheet: axis 2 is above axis 1, upper arm 290 mm, forearm 310 mm."""
     q2, q3 = np.radians(row[1]), np.radians(row[1] + row[2])
@@ -77,31 +70,3 @@ def data(name: str, kind: str, *values: str) -> str:
     rows = "".join(f'\r\n      <Value key="{i}" {value} />' for i, value in enumerate(values))
     head = f'<Data name="{name}" access="private" xsi:type="array" type="{kind}" size="{max(1, len(values))}"'
     return f"    {head}>{rows}\r\n    </Data>"
-
-
-def code_file(name: str, lines: list[str]) -> str:
-    code = "\r\n".join(["begin", *lines, "end"])
-    return (
-        '<?xml version="1.0" encoding="utf-8"?>\r\n'
-        f'<Programs xmlns:xsi="{_XSI}" xmlns="http://www.staubli.com/robotics/VAL3/Program/2">\r\n'
-        f'  <Program name="{name}" access="public">\r\n    <Code><![CDATA[{code}]]></Code>\r\n'
-        "  </Program>\r\n</Programs>\r\n"
-    )
-
-
-def data_file(lines: list[str]) -> str:
-    rows = "\r\n".join(lines)
-    return (
-        '<?xml version="1.0" encoding="utf-8"?>\r\n'
-        f'<Database xmlns:xsi="{_XSI}" xmlns="{_DATA[1:-1]}">\r\n  <Datas>\r\n{rows}\r\n'
-        "  </Datas>\r\n</Database>\r\n"
-    )
-
-
-def in_files(folder: Path, text: str) -> Path:
-    """The application in a folder; its program."""
-    folder.mkdir(exist_ok=True)
-    cut = text.rindex("<?xml")
-    (folder / "start.pgx").write_bytes(text[:cut].encode())
-    (folder / "job.dtx").write_bytes(text[cut:].encode())
-    return folder / "start.pgx"

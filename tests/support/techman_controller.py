@@ -16,7 +16,6 @@ from zerobeam.model.arrays import Matrix
 ROBOT, TARGET = "tm5_900", (450.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "tmscript", "tmscript", ".tms"
 STEP_DEG = 1e-9  # the digits of the positions of a plan's program
-DIGITS_MM = 1e-3  # … and of a program of a person
 _DECLARED = r"float\[\] (\w+) = \{(.*?)\}"
 _NO_MOTION = r"(define|main|\{|\}|QueueTag\(\d+\)|WaitQueueTag\(\d+\)|//.*)?"
 

@@ -19,7 +19,6 @@ TARGET = (600.0, 0.0, 100.0)
 KIND, READER, SUFFIX = "inform", "inform", ".jbi"
 PULSES = np.array([1341.4, -1365.3, 1205.0, 1001.25, -980.5, 455.1])
 STEP_DEG = 0.51 / 455.1  # half a pulse
-DIGITS_MM = 0.05  # half a pulse of each axis
 MODIFIABLE = re.compile(r"^(C\d{5})=([-\d,]+)$", re.MULTILINE)
 
 
@@ -62,17 +61,6 @@ def carried_out(program: Path, arm: PendantArm) -> Path:
 def positions_of(job: str) -> list[tuple[int, str]]:
     """Numbers and values of its positions."""
     return [(int(name[1:]), row) for name, row in MODIFIABLE.findall(job.replace("\r\n", "\n"))]
-
-
-def rconf(row: Matrix) -> str:
-    """Flip, upper arm, front by the side view of the GP7's data sheet; no axis beyond half a turn."""
-    lower, fore = np.radians(row[1]), np.radians(row[2] - row[1])
-    arm = 445 * np.array([np.sin(lower), np.cos(lower)])
-    centre = 440 * np.array([np.cos(fore), np.sin(fore)]) + 40 * np.array([-np.sin(fore), np.cos(fore)])
-    behind = 40 + arm[0] + centre[0] < 0
-    above = arm[0] * centre[1] - arm[1] * centre[0] < 0
-    assert (np.abs(row[[0, 3, 5]]) < 180).all()
-    return f"{int(row[4] < 0)},{int(not above)},{int(behind)},0,0,0,0,0"
 
 
 def _values(pose: Matrix) -> str:

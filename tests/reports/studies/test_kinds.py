@@ -84,8 +84,9 @@ def test_of_a_study_only_its_own_files_are_replaced(
     """A table that another study would have here is somebody's own. The figures are drawn once."""
     cell = typed(cell_study())
     drawn = made_once("figures of a study cell", lambda: study_of(cell).pictures(cell))
-    study = dataclasses.replace(STUDIES["cell"], drawn=lambda _: [*drawn.values()])
-    monkeypatch.setitem(STUDIES, "cell", study)
+    for name, figures in (("cell", [*drawn.values()]), ("coverage", [])):
+        study = dataclasses.replace(STUDIES[name], drawn=lambda _, figures=figures: figures)
+        monkeypatch.setitem(STUDIES, name, study)
     (tmp_path / "study.json").write_text('{"schema": "zerobeam/study/1", "study": "table2"}')
     for name in STUDIES["table2"].tables:
         (tmp_path / name).write_text("before")
