@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from analysed_once import analysed_once
 from cells import good_plan
 from command_line import plan_file
 from exact_runs import demo_runs
@@ -38,7 +39,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("reported")
     for run in demo_runs()[:2]:
         shutil.copy(run.path, folder / f"{run.name}.jsonl")
-        found = zb.analyse(zb.read_run(folder / f"{run.name}.jsonl"), ess=100)
+        found = analysed_once(zb.read_run(run.path), ess=100)
         own = folder / run.name
         (own / "figures").mkdir(parents=True)
         (own / "result.json").write_text(dumps(to_json(found.result)))

@@ -173,6 +173,7 @@ def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chos
         assert tab.on(lambda page: page.get_by_label("J1, °", exact=True).first.input_value()) == "10"
 
 
+@pytest.mark.long
 def test_the_draft_of_a_calibration_that_is_gone_is_shown_downloaded_saved_or_discarded(
     tmp_path: Path,
 ) -> None:

@@ -186,6 +186,7 @@ def test_a_calibration_is_found_opened_edited_undone_and_left(address: str) -> N
         assert tab.console == []
 
 
+@pytest.mark.long
 def test_a_plan_comes_goes_is_written_again_and_not_over_another_tab(folder: Path, address: str) -> None:
     path, fault = folder / "cell" / "later.yaml", "document.querySelector('.fault')"
     saved = "document.querySelector('.plan-bar output').textContent === 'Saved.'"

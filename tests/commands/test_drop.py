@@ -66,6 +66,7 @@ def test_a_run_without_it_is_saved_and_what_is_printed_then_works_where_one_stan
     assert os.path.exists("offsets.mod")
 
 
+@pytest.mark.long
 def test_a_run_without_it_is_saved_by_the_command_that_is_printed(folder, monkeypatch):
     monkeypatch.chdir(folder)
     answer = zerobeam("analyse", "run.jsonl", "--drop", "4", "--ess", "100")

@@ -103,7 +103,7 @@ def test_it_is_refused_by_name(good: zb.Analysed, plan: zb.Plan, name: str) -> N
     assert caught.value.argument == argument
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("drop", [np.array([3]), pd.Index([3]), (3,), {3}])
 def test_what_holds_numbers_is_as_good_as_a_list(good: zb.Analysed, drop: object) -> None:
     assert list(good.refit(drop=drop, ess=100).data.index) == [0, 1, 2, 4, 5, 6]
@@ -122,6 +122,7 @@ def test_names_of_joints_and_lists_are_taken(good: zb.Analysed, plan: zb.Plan) -
     np.testing.assert_array_equal(pose, good.run.robot.fk([0.0] * 6, "deg"))
 
 
+@pytest.mark.long
 def test_solutions_are_compared_by_their_runs(good: zb.Analysed) -> None:
     solutions = [good, analysed_once(zb.read_run(demo_runs()[1].path), ess=100)]
     assert zb.compare(solutions) == zb.compare([solution.run for solution in solutions])

@@ -125,5 +125,6 @@ def test_a_posterior_of_chosen_parameters(good: zb.Analysed) -> None:
     assert caught.value.argument == "names"
 
 
+@pytest.mark.long
 def test_a_report_without_draws_has_no_posterior(good: zb.Analysed, tmp_path) -> None:
     assert zb.write_report(tmp_path / "out", good.result).posterior is None

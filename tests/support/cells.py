@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+import pickle
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -92,8 +93,23 @@ def simulated_problem(
     return truth, Problem.from_run(run)
 
 
+_POSTURES: dict[bytes, Matrix] = {}
+
+
+def _once(search: Callable[..., Matrix], *cell: Any) -> Matrix:
+    """Postures that were searched for: most tests begin with those of a few cells. Each has its own copy."""
+    key = pickle.dumps((search.__name__, cell))
+    if key not in _POSTURES:
+        _POSTURES[key] = search(*cell)
+    return _POSTURES[key].copy()
+
+
 def varied_postures(own: Header, robot: Robot, target: Sequence[float], count: int, seed: int) -> Matrix:
     """(count, n) random postures within the limits, all joints varied, turned onto `target` (3,) mm."""
+    return _once(_varied, own, robot, tuple(target), count, seed)
+
+
+def _varied(own: Header, robot: Robot, target: tuple[float, ...], count: int, seed: int) -> Matrix:
     rng = np.random.default_rng(seed)
     tries = 40 * count
     middle, width = (robot.lower + robot.upper) / 2, robot.upper - robot.lower
@@ -152,7 +168,7 @@ def placed_plan(
 def pattern_plan(which: Pattern, aside: float = 0.0, shots: int = 7, **changes: Any) -> Plan:
     """The paper's X- or Y-Pattern with the target `aside` mm from the base's x axis."""
     own = header(target=(900.0, aside, 0.0), **changes)
-    return plan_of(own, pattern(own, irb1600(), np.array([900.0, aside, 0.0]), which, shots))
+    return plan_of(own, _once(pattern, own, irb1600(), np.array([900.0, aside, 0.0]), which, shots))
 
 
 def random_robot(kinds: str, seed: int) -> Robot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,14 +58,23 @@ def typical(shots: int = 7, **changes: object) -> Plan:
     return good_plan(shots, geometry=None, **changes)
 
 
+@functools.cache
+def usual() -> Check:
+    """What is said of the plan that most tests begin with."""
+    return check_plan(typical())
+
+
+def usual_outlook() -> Outlook:
+    assert usual().outlook is not None
+    return usual().outlook
+
+
 def expanded(check: Check) -> dict[str, float]:
     return {row.name: COVERAGE * row.std for row in check.parameters if row.std is not None}
 
 
 def test_now_is_what_the_check_says_of_what_measurements_can_improve() -> None:
-    check = check_plan(typical())
-    assert check.outlook is not None
-    now = check.outlook.now
+    check, now = usual(), usual_outlook().now
     assert set(now.U) == OFFSETS  # δ6 is as good as the laser's mounting: no measurement improves it
     assert pytest.approx({name: expanded(check)[name] for name in OFFSETS}, rel=1e-9) == now.U
 
@@ -80,7 +90,7 @@ def test_what_is_undetermined_now_and_would_rest_on_the_mounting_is_in_no_remedy
 
 
 def test_a_mounting_that_is_measured_gives_what_the_header_then_gives() -> None:
-    (row,) = rows(outlook_of(typical()), "mounting")
+    (row,) = rows(usual_outlook(), "mounting")
     assert row.state == {"tool.sigma.tilt_deg": 0.01}
     tool = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0], "sigma": {"tilt_deg": 0.01}}
     measured = expanded(check_plan(typical(tool=tool)))
@@ -98,6 +108,7 @@ TRACKER = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("shots", [7, 20])
 def test_points_of_a_tracker_give_what_a_plan_with_both_instruments_gives(shots: int) -> None:
     """The whole problem of laser and tracker, with place and reflector among its parameters."""
@@ -152,7 +163,7 @@ def test_under_the_x_pattern_more_of_the_same_gains_nothing_of_joint_2() -> None
 
 
 def test_more_measurements_are_better_and_links_are_the_floor() -> None:
-    outlook = outlook_of(typical())
+    outlook = usual_outlook()
     twelve, twenty = sorted(rows(outlook, "more"), key=lambda row: row.shots)
     assert (twelve.shots, twenty.shots) == (12, 20)
     assert twelve.minutes == 28  # a person takes two minutes with a laser; two postures are measured again
@@ -168,7 +179,7 @@ def test_more_measurements_are_better_and_links_are_the_floor() -> None:
 @pytest.mark.long
 def test_better_postures_are_about_as_good_as_those_of_the_command() -> None:
     """Of 2000 candidates; the command has 10,000 (the long test)."""
-    (better,) = rows(outlook_of(typical()), "postures")
+    (better,) = rows(usual_outlook(), "postures")
     made = make_plan(plan_request(header=typical().header, shots=7, candidates=2000), None, lambda *_: None)
     assert made.checked is not None
     reached = expanded(made.checked)
@@ -233,7 +244,7 @@ def test_no_next_posture_is_said_where_no_error_is_known() -> None:
     result = analyse(simulated(pattern_plan("x", geometry=None))[1], sampling="never").result
     assert result.outlook is not None
     assert (result.outlook.u_mm, result.outlook.next_postures) == (None, ())
-    assert outlook_of(typical()).next_postures == ()
+    assert usual_outlook().next_postures == ()
 
 
 @pytest.mark.one_in(3)
@@ -255,10 +266,11 @@ def test_the_options_are_those_by_which_the_command_keeps_the_constraints() -> N
     assert constraint_options(kept) == ("--facing=1,0,0", "--acceptance=45")
 
 
+@pytest.mark.long
 def test_new_postures_keep_the_constraints_of_the_plan() -> None:
     """With beams that are hardly possible there is little to choose from, and less to gain."""
     plan = typical()
-    free = min(row.gain for row in rows(outlook_of(plan), "more"))
+    free = min(row.gain for row in rows(usual_outlook(), "more"))
     narrow = replace(plan, constraints=StatedConstraints(beam_mm=(700.0, 760.0), margin_deg=5.0))
     outlook = check_plan(narrow).outlook
     assert outlook is not None

@@ -1,5 +1,7 @@
 """Draws of many posteriors side by side: by weights, by proposals fitted anew, and by emcee's walkers."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -13,24 +15,34 @@ from zerobeam.model.likelihood.density import Density
 SETS, DRAWS = 12, 400
 
 
-def both_ways(name, patch):
-    """The draws of a plan's data sets by weights, and by walkers alone, with how often each was refitted."""
+@functools.cache
+def density_of(name):
+    """The density and the fits of a plan's data sets."""
     (plan,) = (plan for plan in studied_plans(0) if plan.name == name)
     data = drawn(plan.problem, SETS, np.random.default_rng(1))
-    density, fits = Density(plan.problem, data.joints, data.spots), fitted(data)
+    return Density(plan.problem, data.joints, data.spots), fitted(data)
+
+
+def chosen_of(name):
+    """Their draws by the method that is chosen: weights, where they serve."""
+    return drawn_together(*density_of(name), DRAWS, np.random.default_rng(2))[0]
+
+
+def both_ways(name, patch):
+    """The draws by weights, and by walkers alone, with how often each was refitted."""
     refits = []
     refit = many_posteriors._Posteriors._refit
     patch.setattr(
         many_posteriors._Posteriors, "_refit", lambda self, *of: (refits.append(of[0]), refit(self, *of))
     )
-    chosen, _ = drawn_together(density, fits, DRAWS, np.random.default_rng(2))
+    chosen = chosen_of(name)
     by_weights = len(refits)
     patch.setattr(Weights, "serve", False)
-    walked, _ = drawn_together(density, fits, DRAWS, np.random.default_rng(3))
+    walked, _ = drawn_together(*density_of(name), DRAWS, np.random.default_rng(3))
     return chosen, walked, by_weights
 
 
-@pytest.mark.parametrize("name", ["good", "nearly degenerate"])
+@pytest.mark.parametrize("name", ["nearly degenerate", pytest.param("good", marks=pytest.mark.long)])
 def test_walkers_say_the_same_as_weights(name, monkeypatch):
     """Means and spreads of twelve data sets, by two methods: 192 numbers or more of one normal each."""
     chosen, walked, refits = both_ways(name, monkeypatch)
@@ -48,9 +60,9 @@ def test_draws_without_their_weights_are_seen(monkeypatch):
     """Negative control: every proposal counts the same."""
     equal = lambda log_weights: Weights(np.ones_like(log_weights), 0.0, 1.0)  # noqa: E731
     monkeypatch.setattr(Weights, "of", equal)
-    chosen, _, _ = both_ways("nearly degenerate", monkeypatch)
+    chosen = chosen_of("nearly degenerate")
     monkeypatch.undo()
-    right, _, _ = both_ways("nearly degenerate", monkeypatch)
+    right = chosen_of("nearly degenerate")
     assert abs(np.log(chosen.std(axis=1) / right.std(axis=1)).mean(axis=0)).max() > 0.07
 
 

@@ -359,6 +359,7 @@ def mix(folder: Path, constraints: dict[str, Any], direction: float, *, apart: b
     return read_plan(path)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.one_in(4)
 @pytest.mark.parametrize("apart", [True, False], ids=["apart", "together"])
 @pytest.mark.parametrize(

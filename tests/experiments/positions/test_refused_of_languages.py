@@ -256,7 +256,7 @@ def test_without_these_lines_it_is_converted(language: str, tmp_path: Path) -> N
     assert kept(written(backup, tmp_path), backup.dialect.robot, **backup.options).converted
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(
     ("language", "case"), [(language, case) for language, cases in CASES.items() for case in cases]
 )

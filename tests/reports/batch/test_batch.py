@@ -191,6 +191,7 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
     assert solved == ["tuesday-arm"]
 
 
+@pytest.mark.long
 def test_a_fault_of_the_program_is_one_failure_among_the_others(runs, monkeypatch):
     def broken(run, **how):
         if run.path.name == "pattern.jsonl":

@@ -99,6 +99,7 @@ def pdf_text(file: Path) -> str:
     return "\n".join(own.extract_text() for own in pages)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("example", ["good", "uncalibrated"])
 def test_only_what_the_header_states_is_a_setting_of_the_run(tmp_path: Path, example: str) -> None:
     """What the offsets rest on: what is assumed of the laser stands under that word alone."""
