@@ -135,9 +135,7 @@ def resumed_at_the_address_that_is_typed(server: App, tab: Tab) -> None:
 OPTIONS = ["--rig=abb", "--host=stranger.example", "--port=9", "--speed=0.5"]
 
 
-def test_a_run_is_watched_to_its_end_its_plan_changed_and_an_unfinished_one_resumed(
-    server: App, folder: Path
-) -> None:
+def test_a_run_is_watched_to_its_end(server: App, folder: Path) -> None:
     with measure(server, "two.yaml") as tab:
         start(tab)
         wait(tab, OVER)
@@ -154,6 +152,11 @@ def test_a_run_is_watched_to_its_end_its_plan_changed_and_an_unfinished_one_resu
         )  # as the sheet counts
         assert tab.console == []
     assert len(read_run(folder / "cell" / "two-run.jsonl").shots) == 2
+
+
+@pytest.mark.long
+def test_the_plan_of_a_run_is_changed_and_an_unfinished_one_resumed(folder: Path) -> None:
+    assert zerobeam("run", folder / "cell" / "two.yaml", "-o", folder / "cell" / "two-run.jsonl").status == 1
     unfinished_run(folder, "cell/two.yaml", ["run", *OPTIONS, "--out=cell/made.jsonl", "cell/two.yaml"])
     with (
         app(folder) as later,

@@ -50,6 +50,21 @@ def at_point(tab: Tab, *values: str) -> None:
         fill(tab, f"Target {axis}, mm", value)
 
 
+def require_refused(tab: Tab, folder: Path, x: str, why: str) -> None:
+    at_point(tab, x, "0", "0")
+    make(tab)
+    wait(tab, "document.querySelector('.new progress')")
+    wait(tab, "document.querySelector('.new > .lines li')", 180)
+    assert why in tab.text
+    assert "Nothing is left in the folder" in tab.text
+    assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
+
+
+@pytest.mark.long
+def test_a_target_that_few_postures_reach_makes_nothing(folder: Path, tab: Tab) -> None:
+    require_refused(tab, folder, "5000", "too few postures")
+
+
 def test_what_is_wrong_makes_nothing_and_a_name_is_written_anew_and_taken(folder: Path, tab: Tab) -> None:
     """A refused number, a missing one, a target that cannot be reached, how the laser is mounted, a name that
     is taken."""
@@ -64,14 +79,7 @@ def test_what_is_wrong_makes_nothing_and_a_name_is_written_anew_and_taken(folder
     make(tab)
     wait(tab, f"({ALERT}).startsWith('Target y, mm: a number is missing')")
     assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
-    for x, why in (("5000", "too few postures"), ("0", "put the target elsewhere")):
-        at_point(tab, x, "0", "0")
-        make(tab)
-        wait(tab, "document.querySelector('.new progress')")
-        wait(tab, "document.querySelector('.new > .lines li')", 180)
-        assert why in tab.text
-        assert "Nothing is left in the folder" in tab.text
-        assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
+    require_refused(tab, folder, "0", "put the target elsewhere")
     tab.on(lambda page: page.get_by_label("On a stand in front of the arm").check())
     assert "Assumed on the flange: point (0, 0, 65)" in tab.text
     tab.on(lambda page: page.get_by_text("Mounted otherwise").click())
