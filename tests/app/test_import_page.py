@@ -132,6 +132,7 @@ def test_a_dropped_table_is_mapped_as_the_person_takes_it_and_leads_to_its_resul
     np.testing.assert_allclose(np.degrees(read_run(folder / "shots/run.jsonl").joints), expected, atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_saved_file_of_a_newer_maker_is_imported_without_a_word_of_it_in_the_page(folder: Path) -> None:
     (folder / "kawasaki.yaml").write_text(HEADER.replace("robot: irb1600", "robot: rs007n"))
     rows = "".join(f"#p{i} {' '.join(map(str, row))}\n" for i, row in enumerate(POSTURES.tolist()))

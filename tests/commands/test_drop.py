@@ -45,6 +45,7 @@ def test_a_measurement_is_named_by_its_number_or_its_row(which, folder):
     assert list(read_run(folder / "run.jsonl").numbers_of([which])) == [4]
 
 
+@pytest.mark.long
 def test_what_is_advised_leaves_the_measurement_out(folder):
     answer = zerobeam("analyse", folder / "run.jsonl", "--drop", "shots.csv:5", "--ess", "100", "--json")
     assert answer.status == 0, answer.err

@@ -84,9 +84,9 @@ def test_noise_that_is_estimated_needs_degrees_of_freedom() -> None:
 
 
 def test_where_no_number_is_enough_none_is_stated() -> None:
-    coarse = made(8).checked
-    assert coarse is not None
-    lacking = lacking_test(coarse.aimed.aimed.problem, coarse.aimed.x, {"deg": 1e-4, "mm": 1.0})
+    run = read_run(demo_runs()[0].path)
+    problem = Problem.from_run(run)
+    lacking = lacking_test(problem, problem.nominal(), {"deg": 1e-4, "mm": 1.0})
     assert lacking is not None
     assert lacking.needed is None
     assert np.isfinite(lacking.power)

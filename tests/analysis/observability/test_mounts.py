@@ -112,6 +112,7 @@ def test_a_laser_and_its_mount_are_judged_as_stated() -> None:
     assert check(good_plan(7)).over_target is None
 
 
+@pytest.mark.long
 def test_simulations_draw_what_the_promise_is_for() -> None:
     plan = read_plan(PLAN)
     problem = aim_plan(plan).problem

@@ -254,7 +254,7 @@ def typical(repeat: int) -> Plan:
 
 
 def test_a_zero_that_jumps_is_found_by_what_is_measured_again() -> None:
-    passes, wrong, _ = outcome(typical(repeat=2), 0.4, 8, 1)
+    passes, wrong, _ = outcome(typical(repeat=2), 0.4, 4, 1)
     assert (passes, wrong) == (0, 0)
     # The control: without repeats such arms pass, and are wrong.
     passes, wrong, _ = outcome(typical(repeat=0), 0.4, 8, 1)
