@@ -61,6 +61,7 @@ def test_the_suggested_posture_makes_the_plan_better(client: TestClient, content
         assert after[promise["name"]]["std"] == pytest.approx(promise["after"], rel=0.02)
 
 
+@pytest.mark.long
 def test_the_suggested_postures_make_joint_2_known(client: TestClient, content: dict[str, Any]) -> None:
     """Of an X-Pattern all postures are changed, as the message says."""
     content["postures_deg"] = np.degrees(pattern_plan("x").postures).tolist()

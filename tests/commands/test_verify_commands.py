@@ -50,6 +50,7 @@ def plain(answer: Answer) -> str:
     return " ".join(answer.out.split())
 
 
+@pytest.mark.long
 def test_what_is_required_is_judged_from_the_plan_to_the_test(tmp_path):
     """It was said by --full and by `analyse` alone."""
     path, run = tmp_path / "plan.yaml", tmp_path / "run.jsonl"

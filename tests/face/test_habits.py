@@ -235,6 +235,7 @@ def test_a_prediction_is_the_arm_with_its_offsets(good: zb.Analysed, x_pattern: 
         good.predict(postures)
 
 
+@pytest.mark.long
 def test_a_point_of_the_last_axis_does_not_depend_on_its_offset_although_links_deviate() -> None:
     typical = {key: value for key, value in EXACT.items() if key != "geometry"}
     joints = zb.read_run(demo_runs()[0].path).joints

@@ -113,6 +113,7 @@ def test_a_weak_verdict_is_no_pass(tmp_path: Path) -> None:
     assert (told.status, told.json["verdict"]) == (1, "weak")
 
 
+@pytest.mark.long
 def test_analyse_prints_for_people_without_json() -> None:
     told = zerobeam("analyse", GOOD, *FEW)
     assert (told.status, told.err) == (0, "")

@@ -53,6 +53,7 @@ def test_the_promise_is_what_rehearsals_know(monkeypatch: pytest.MonkeyPatch) ->
     assert check(plan).over_target is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.long) for s in range(2, 10))])
 def test_a_rehearsal_has_the_u_that_is_predicted_at_its_truth(seed: int) -> None:
     plan = read_plan(PLAN)

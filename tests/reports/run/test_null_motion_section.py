@@ -104,6 +104,7 @@ def test_the_page_of_a_degenerate_plan_has_the_picture() -> None:
     assert "3 of 7 postures are drawn" in page
 
 
+@pytest.mark.long
 @pytest.mark.browser
 @pytest.mark.parametrize("size", SIZES)
 def test_it_moves_or_stands_still_as_its_reader_wants(size: str, tmp_path: Path) -> None:
