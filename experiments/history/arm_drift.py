@@ -235,7 +235,7 @@ def arm_drift(
         undecided = tuple(dated(DatedUndecided, change) for change in model.undecided)
         due, reason = _due(model, used[-1], tolerance_mm)
     if last is not None and at_once[last] > 1:
-        due, reason = None, "several results state the time of the last one: which is the last is not known"
+        due, reason = None, "which result is the last is not known: several state its time"
     if last is not None and (since := _since(events, last)):
         due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
     return ArmDrift(*arm, tuple(used), tuple(left_out), model, jumps, undecided, tolerance_mm, due, reason)

@@ -51,6 +51,11 @@ _SAME = ("serial", "model", "verdict", "measured_at")  # of two results that are
 _AS_TEXT = sa.type_coerce(result.c.measured_at, sa.String).label("measured_at")
 _DIGITS = 1e-9  # to which numbers agree: another order of the same sums gives another 15th digit
 _VERDICT: Any = Verdict
+# In the order of time; of several of one time the gravest stands for the last.
+_GRAVITY = sa.case(
+    {each: place for place, each in enumerate(get_args(Verdict))}, value=result.c.verdict, else_=-1
+)
+_ORDER = (result.c.measured_at, _GRAVITY, result.c.sha256)
 Values = dict[str, Any]  # of a row of a table, by its columns
 
 
@@ -193,7 +198,7 @@ def refuse(error: BadInput) -> None:
 def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
     """All arms by serial number, with the verdict of the last result of each; `damaged` as of `results`."""
     of: Any = {"partition_by": (result.c.serial, result.c.model)}
-    order = (result.c.measured_at.desc(), result.c.sha256.desc())
+    order = [each.desc() for each in _ORDER]
     at = (result.c.measured_at, sa.func.min(result.c.measured_at).over(**of))
     last = sa.select(
         *(result.c[name] for name in ("serial", "model", "sha256", "verdict")),
@@ -269,7 +274,7 @@ def results(
     """The results of an arm (serial number, model), or of all, in the order of arm and time: those of one arm
     at a time are in memory. `damaged` hears of those that cannot be read."""
     query = sa.select(*(result.c[name] for name in (*_PLAIN, *_IN_JSON)), _AS_TEXT, _TAIL)
-    query = query.outerjoin_from(result, document).order_by(result.c.measured_at, result.c.sha256)
+    query = query.outerjoin_from(result, document).order_by(*_ORDER)
     with history.reading() as connection:
         every = [of] if of is not None else []
         if of is None:

@@ -160,6 +160,14 @@ def test_measurements_that_two_results_are_of_count_once(history: Database, tmp_
         assert whole_answer(history, stored).inputs.sha256 == stored.sha256
 
 
+def test_of_results_of_one_time_the_gravest_stands_for_the_last(history: Database, tmp_path: Path) -> None:
+    answers = [a_result(when="2025-03-01", who=who) for who in "ABCD"]
+    answers[1] = as_misfit(answers[1])
+    add(history, [entry(tmp_path, answer) for answer in answers])
+    assert [one.verdict for one in arms(history)] == ["misfit"]
+    assert [one.verdict for one in results(history, ("A-1", "irb1600"))] == [*["pass"] * 3, "misfit"]
+
+
 def test_results_that_state_one_time_have_no_order(history: Database, tmp_path: Path) -> None:
     """They were put in the order of the hashes of their runs, and a jump between two of one day was shown in
     one of its two directions, with a due date."""
@@ -173,7 +181,7 @@ def test_results_that_state_one_time_have_no_order(history: Database, tmp_path: 
     assert len(drift.left_out) == 4
     assert all("their order is not known" in one.reason for one in drift.left_out)
     assert (drift.jumps, drift.undecided, drift.due) == ((), (), None)
-    assert "which is the last is not known" in drift.due_reason
+    assert drift.due_reason == "which result is the last is not known: several state its time"
     # What the reason says to do: the time of day is stated when they are added again.
     dated = [
         entry(tmp_path, answer, when=f"2025-03-01T{8 + hour:02}:00")
