@@ -6,10 +6,12 @@ to do: the sum of squares of the priors and of the residuals whitened by the wei
 until it stops by itself; its distance from the optimum of that cost is stated in posterior standard
 deviations.
 
-The peers get an environment of their own; without it scipy alone is compared.
+The peers get environments of their own, since they want different versions of numpy; without any scipy alone
+is compared. Times of GTSAM, pyceres and scipy are mostly those of a cost in Python.
 
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install --only-binary :all: pyceres pybotics robotkinecal
-    .venv/bin/python benchmarks/fit_time.py --peers /tmp/peers/bin/python
+    python3 -m venv /tmp/jaxes && /tmp/jaxes/bin/pip install --only-binary :all: jax optimistix gtsam pin
+    .venv/bin/python benchmarks/fit_time.py --peers /tmp/peers/bin/python --peers /tmp/jaxes/bin/python
 """
 
 from __future__ import annotations
@@ -42,7 +44,12 @@ REACHED = 1e-3  # posterior stds: nearer than this a peer has got to the optimum
 PEERS_SIDE = Path(__file__).with_name("fit_peers.py")
 SCIPY = ("scipy, 2-point differences", "scipy, exact Jacobians")
 ANOTHER_PROBLEM = "robotkinecal"  # it cannot state this one: it knows no beams, no offsets alone, no priors
-PEERS = ("pyceres, differences in Python", "pyceres, exact Jacobians", "pybotics and scipy", ANOTHER_PROBLEM)
+PEERS = (
+    *("pyceres, differences in Python", "pyceres, exact Jacobians", "GTSAM, exact Jacobians"),
+    *("optimistix, Levenberg-Marquardt", "Gauss-Newton in JAX, compiled", "pybotics and scipy"),
+    ANOTHER_PROBLEM,
+)
+ALL_RUNS, POSES = "Gauss-Newton in JAX, all runs", "pinocchio"
 
 
 def ours(problem: Problem) -> LikelihoodFit:
@@ -84,7 +91,7 @@ def shared_optimum(problem: Problem, fit: LikelihoodFit) -> Matrix:
     return x[free]
 
 
-def cost_data(problem: Problem, fit: LikelihoodFit) -> dict[str, Matrix]:
+def cost_data(problem: Problem, fit: LikelihoodFit, joints: Matrix, spots: Matrix) -> dict[str, Matrix]:
     """What the peers get (see fit_peers.py), the start being the one that zerobeam takes itself."""
     parameters = problem.parameters
     free = parameters.free
@@ -96,24 +103,30 @@ def cost_data(problem: Problem, fit: LikelihoodFit) -> dict[str, Matrix]:
         "std": parameters.prior_std[free],
         "start": start_at(problem, np.zeros((1, int(free.sum()))))[0, free],
         "mode": fit.x[free],
+        "many_joints": joints,
+        "many_spots": spots,
     }
 
 
-def theirs(python: Path, peer: str, data: dict[str, Matrix], repeat: int) -> dict[str, Any] | None:
-    """One peer's optimum `x`, `seconds` of each fit and what it `asked`; None, and why is told, if none."""
+def theirs(pythons: list[Path], peer: str, data: dict[str, Matrix], repeat: int) -> dict[str, Any] | None:
+    """One peer's optimum `x`, `seconds` of each fit and what it `asked`, in the first environment that has
+    it; None, and why is told, if none."""
     single = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+    why = "left out: name the python of its environment by --peers"
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "cost.npz"
         np.savez(file, **data)
-        command = [str(python), str(PEERS_SIDE), peer, str(file), str(repeat)]
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=False, env={**os.environ, **single}
-        )
-    if done.returncode:
-        print(f"{peer:32s} it failed: {(done.stderr.strip().splitlines() or ['without a word'])[-1]}")
-        return None
-    answer: dict[str, Any] = json.loads(done.stdout.rpartition("answer:")[2])
-    return answer
+        for python in pythons:
+            command = [str(python), str(PEERS_SIDE), peer, str(file), str(repeat)]
+            done = subprocess.run(
+                command, capture_output=True, text=True, check=False, env={**os.environ, **single}
+            )
+            if done.returncode == 0:
+                answer: dict[str, Any] = json.loads(done.stdout.rpartition("answer:")[2])
+                return answer
+            why = f"it failed: {(done.stderr.strip().splitlines() or ['without a word'])[-1]}"
+    print(f"{peer:32s} {why}")
+    return None
 
 
 def timed(call: Callable[[], object], repeat: int) -> list[float]:
@@ -127,20 +140,17 @@ def timed(call: Callable[[], object], repeat: int) -> list[float]:
     return spent
 
 
-def compare(problem: Problem, python: Path | None, repeat: int) -> None:
+def compare(problem: Problem, pythons: list[Path], repeat: int, joints: Matrix, spots: Matrix) -> None:
+    """One fit by each; then the runs of a batch `joints` (B, N, n) and `spots` (B, N, d) in one call."""
     fit = ours(problem)
     free = problem.parameters.free
     optimum, std = shared_optimum(problem, fit), fit.std * problem.parameters.prior_std[free]
-    data, spent = cost_data(problem, fit), timed(lambda: ours(problem), repeat)
+    data, spent = cost_data(problem, fit, joints, spots), timed(lambda: ours(problem), repeat)
     print(f"{'zerobeam':32s} {line(spent)}  {fit.iterations} iterations; {fit.reason}")
     moved = np.abs((optimum - fit.x[free]) / std).max()
     print(f"the optimum of the peers' cost is {moved:.1e} posterior stds from our mode")
     for peer in (*SCIPY, *PEERS):
-        interpreter = Path(sys.executable) if peer in SCIPY else python
-        if interpreter is None:
-            print(f"{peer:32s} left out: name the python of its environment by --peers")
-            continue
-        answer = theirs(interpreter, peer, data, repeat)
+        answer = theirs([Path(sys.executable)] if peer in SCIPY else pythons, peer, data, repeat)
         if answer is None:
             continue
         told = ", ".join(f"{count} {what}s" for what, count in answer["asked"].items())
@@ -150,6 +160,19 @@ def compare(problem: Problem, python: Path | None, repeat: int) -> None:
             off = np.abs((np.array(answer["x"]) - optimum) / std).max()
             end = f"{told}; {off:.0e} stds off{'' if off < REACHED else ': it did not get there'}"
         print(f"{peer:32s} {line(answer['seconds'], spent)}  {end}")
+    fits, spent = ours_batch(problem, joints, spots), timed(lambda: ours_batch(problem, joints, spots), 5)
+    print(
+        f"{f'zerobeam, {len(joints)} runs in one call':32s} {line(spent)}  {fits.converged.sum()} converged"
+    )
+    if (answer := theirs(pythons, ALL_RUNS, data, 5)) is not None:
+        off = np.abs((np.array(answer["x"]) - fits.x[:, free]) / std).max()
+        end = f"at most {off:.0e} stds from ours, whose weights move with each run"
+        print(f"{ALL_RUNS:32s} {line(answer['seconds'], spent)}  {end}")
+    postures = joints.reshape(-1, joints.shape[-1])
+    spent = timed(lambda: problem.robot.pose_and_jacobian(postures), 5)
+    print(f"{f'zerobeam, {len(postures)} poses and Jacobians':32s} {line(spent)}")
+    if (answer := theirs(pythons, POSES, data, 5)) is not None:
+        print(f"{POSES:32s} {line(answer['seconds'], spent)}  {answer['x'][0]:.0e} mm off")
 
 
 def line(spent: list[float], ours: list[float] | None = None) -> str:
@@ -162,21 +185,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--peers", type=Path, help="the python of an environment with the peers")
+    parser.add_argument(
+        "--peers", type=Path, action="append", default=[], help="the python of an environment with peers"
+    )
     parser.add_argument("--repeat", type=int, default=30, help="fits timed of each (default 30)")
     parser.add_argument("--batch", type=int, default=1000, help="runs of the batch (default 1000)")
     asked = parser.parse_args()
 
     with threadpool_limits(limits=1, user_api="blas"):
         problem = the_run()
-        compare(problem, asked.peers, asked.repeat)
-        joints, spots = noisy_runs(problem, asked.batch)
-        spent = timed(lambda: ours_batch(problem, joints, spots), 3)
-        converged = int(ours_batch(problem, joints, spots).converged.sum())
-        print(
-            f"zerobeam, {asked.batch} runs in one call: {asked.batch / statistics.median(spent):,.0f} fits"
-            f" a second (best {asked.batch / min(spent):,.0f}), {converged} converged"
-        )
+        compare(problem, asked.peers, asked.repeat, *noisy_runs(problem, asked.batch))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ def fitted():
 
 @pytest.fixture(scope="module")
 def cost(fitted):
-    return fit_peers.Cost(fit_time.cost_data(*fitted))
+    return fit_peers.Cost(fit_time.cost_data(*fitted, *fit_time.noisy_runs(fitted[0], 2)))
 
 
 def points(problem, fit, count=5):

@@ -20,7 +20,7 @@ SMALL = {
         ["--data-sets", "20", "--runs", "4", "--pieces", "50"],
         r"scaling of 2 against 1: \d.*same bytes: True",
     ),
-    "fit_time": (["--repeat", "3", "--batch", "10"], r"10 runs in one call: .* 10 converged"),
+    "fit_time": (["--repeat", "3", "--batch", "10"], r"10 runs in one call .* 10 converged"),
     "growth": (["--shots", "7", "--joints", "6", "--runs", "2"], r"compare, 2 runs +\d"),
     "history_time": (
         ["--results", "20", "--arms", "4", "--times", "1"],
