@@ -70,9 +70,12 @@ def robot(
         ),
     ] = None,
 ) -> None:
-    """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
-    compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
-    its file from rows, a data sheet or a URDF; with -o copy another's."""
+    """Show a robot, compare its file with a pendant, or make a robot file.
+
+    Shown: mounting face, counting of the pendant, joints, reach, flange's pose.
+    With --pose: which entry of the file disagrees with the pendant (status 1).
+    new: made from rows, a data sheet or a URDF. With -o: a copy of another's.
+    """
     from ..experiments.arm_shown import typed_arm
     from ..experiments.new_robot import content_of, copy_robot, with_fanuc_backup, write_robot
     from ..model.files.header import UrdfRef
