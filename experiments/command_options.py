@@ -38,7 +38,10 @@ HoldOut = Annotated[
     ),
 ]
 ToleranceMm = Annotated[
-    float, Option("TCP error that is tolerated, mm.", least=1e-6, most=1e6, label="TCP tolerance")
+    float,
+    Option(
+        "TCP error by the offsets alone that is tolerated, mm.", least=1e-6, most=1e6, label="TCP tolerance"
+    ),
 ]
 
 

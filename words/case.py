@@ -12,7 +12,7 @@ from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.values_to_enter import Conformity, judged
 from ..analysis.misfit import Criterion, Misfit
-from ..analysis.observability.causes import Held, NullDirection
+from ..analysis.observability.causes import Held, NullDirection, TooFewMeasurements
 from ..analysis.observability.power import DetectionPower
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import Verdict
@@ -94,6 +94,12 @@ class RunCase:
     def sound(self) -> bool:
         """Whether there is an answer, by a model that describes the measurements."""
         return self.stopped is None and self.misfit is None
+
+    @property
+    def too_few(self) -> TooFewMeasurements | None:
+        """What too few measurements lack."""
+        causes = (direction.cause for direction in self.null_space)
+        return next((cause for cause in causes if isinstance(cause, TooFewMeasurements)), None)
 
     @property
     def offsets(self) -> list[ParameterResult]:

@@ -80,6 +80,7 @@ from .observability import (
     condition,
     direction_remedy,
     remaining,
+    remedy,
     stating,
 )
 from .outlook_words import BetterPostures, better_postures, plan_command
@@ -425,6 +426,13 @@ def _worth(result: Result, case: RunCase) -> Iterable[str]:
 
 _VALUES: frozenset[About] = frozenset({"values"})
 
+
+def _mend_stopped(_: object, case: RunCase) -> str:
+    if case.too_few is not None:
+        return f"Enter nothing: {remedy(case.too_few)}."
+    return "Enter nothing: look for a wrong measurement, or state a better guess of target and tool."
+
+
 RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         "held offsets", "stop", _held_sentence, place="before the cause", about="model", found=_held
@@ -450,8 +458,8 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
     FindingEntry(
         NotConverged,
         "stop",
-        remedy="Enter nothing: look for a wrong measurement, or state a better guess of target and tool.",
-        command=_again,
+        remedy=_mend_stopped,
+        command=lambda _, case: case.again if case.too_few is None else case.plan,
         place="nowhere",  # the verdict says it
         about="model",
         silences=_VALUES,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from ..analysis.answer.findings import FileWarning, OtherBasins
@@ -169,15 +170,31 @@ def sentence_of(finding: RunFinding) -> str:
             return criterion_sentence(finding)
 
 
+_UNTIL = (
+    ("hour", 1.0, 72.0),
+    ("day", 24.0, 24.0 * 180),
+    ("year", 24 * 365.25, math.inf),
+)  # by the whole time
+
+
+def time_unit(comparison: Comparison) -> tuple[str, float]:
+    """What the places of the runs are said in, and how many of `at` that is: hours, days or years where they
+    have times, else runs."""
+    if not comparison.by_time:
+        return "run", 1.0
+    whole = comparison.runs[-1].at - comparison.runs[0].at
+    return next((name, per) for name, per, most in _UNTIL if whole <= most)
+
+
 def _hint_of_a_drift(comparison: Comparison) -> Iterator[str]:
     drifts = [(row.drift.p_value, row.name, row.unit, row.drift) for row in comparison.offsets if row.drift]
     drifts = [drift for drift in drifts if drift[-1].p_holm < 1 - LEVEL]
     if drifts and not comparison.drifting:
+        time, per = time_unit(comparison)
         _, name, unit, drift = min(drifts, key=lambda drift: drift[0])
         yield (
-            f"A possible drift, not significant: {name} changes by {drift.slope:.2g} {unit} a"
-            f" {'hour' if comparison.by_time else 'run'}, nearly in a line ({p_words(drift.p_holm, 2)},"
-            " Holm-adjusted)"
+            f"A possible drift, not significant: {name} changes by {drift.slope * per:.2g} {unit} a {time},"
+            f" nearly in a line ({p_words(drift.p_holm, 2)}, Holm-adjusted)"
         )
 
 

@@ -16,7 +16,7 @@ WHY_THEY_DIFFER = (
     " also make up for links that deviate and joints that deflect, as far as offsets can. The U of a value"
     " includes how well these are known: it may be larger than that of the offset."
 )
-U_OF_VALUES = "Values make up for links too: their U is not the offsets'."
+U_OF_VALUES = "Values make up for links too: each U is the value's."
 # They are fitted together.
 ALL_OR_NONE = "Add all or none to the readings; they make up for links too: U is their own."
 NOT_CLAIMED = "Their gain at the TCP is not claimed: it depends on an undetermined offset."

@@ -37,7 +37,7 @@ from .enter import (
 )
 from .entries import VERDICT_WORDS, graded, message_by, rows_of, said_word, sentences_of, worst_of
 from .geometry_words import tolerance_words
-from .observability import named_part
+from .observability import named_part, too_few_words
 from .plan_catalogue import plan_headline, plan_message
 from .provenance import is_simulated
 from .trust import offsets_sentence, verdict_sentence
@@ -225,6 +225,8 @@ def _judged(case: RunCase) -> str:
 
 def _determined(case: RunCase) -> str:
     """What can be said of the offsets, the gravest first."""
+    if case.stopped is not None and case.too_few is not None:
+        return f"{capital(too_few_words(case.too_few))}: no offset is reported."
     if case.stopped is not None:
         return f"The fit did not converge ({case.stopped}): no offset is reported."
     if case.misfit is not None:

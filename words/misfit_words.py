@@ -71,6 +71,7 @@ _SPOTS = {
     "exchanged and negated": "spot_mm with its two axes exchanged and negated",
 }
 _AGAIN = "and analyse again"
+_WHERE = "of a run its first line"
 # Mended by another file: by a new import, or by a new recording.
 _BY_ANOTHER_RUN = frozenset(
     {"swapped_joints", "sign", "units", "coupling", "metres", "mirrored", "quaternion", "inverse"}
@@ -272,19 +273,20 @@ def mend(explanation: Explanation) -> str:
         case "noise":
             return f"State noise as measured (repeat one posture), or noise.scale: estimated, {_AGAIN}."
         case "geometry" if explanation.amount <= 1:
-            return (
-                "Remove geometry: exact from the header (of a run its first line), so that the links are"
-                f" estimated, {_AGAIN}."
-            )
+            estimated = "so that the links are estimated"
+            return f"Remove geometry: exact from the header ({_WHERE}), {estimated}, {_AGAIN}."
         case "geometry":
-            return f"State the larger geometry.tolerance in the header if this arm is that far off, {_AGAIN}."
+            larger = f"geometry.tolerance {times(explanation.amount)} times as large"
+            return f"State {larger} in the header ({_WHERE}) if this arm is that far off, {_AGAIN}."
         case "gravity":
             return (
-                f"State a larger geometry.gravity_deg in the header if this arm deflects so much, {_AGAIN}."
+                f"State geometry.gravity_deg {times(explanation.amount)} times as large in the header"
+                f" ({_WHERE}) if this arm deflects so much, {_AGAIN}."
             )
         case "harmonics":
             return (
-                f"State a larger geometry.harmonics_deg in the header if its gears are so far off, {_AGAIN}."
+                f"State geometry.harmonics_deg {times(explanation.amount)} times as large in the header"
+                f" ({_WHERE}) if its gears are so far off, {_AGAIN}."
             )
 
 
@@ -374,8 +376,10 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             )
         case LackOfFit():
             rms = "" if criterion.rms_mm is None else f"; {criterion.rms_mm:.2f} mm rms"
+            by_links = criterion.geometry == "estimated"  # χ² has what links are off, too
+            explained = "what noise and tolerances allow" if by_links else "the stated noise"
             return (
-                f"Lack of fit: residuals are {times(criterion.factor)} times the stated noise"
+                f"Lack of fit: residuals are {times(criterion.factor)} times {explained}"
                 f" (χ² {criterion.chi2:.0f}, {criterion.dof} dof, {p_words(criterion.p_value)}{rms}): the"
                 f" {criterion.geometry} geometry does not describe this arm, a column, sign, zero, unit,"
                 " target or measurement is not as stated, or the noise is understated"
@@ -472,7 +476,7 @@ def larger_tolerance(prior: TightPrior, name: Namer = str) -> str:
     if not value:
         value = f" {times(prior.times)} times as large"
     known = "it is known that this arm deviates so much" if prior.assumed else "this arm deviates so much"
-    return f"If {known}, state {key}{colon}{value} in the header, and analyse again."
+    return f"If {known}, state {key}{colon}{value} in the header ({_WHERE}), {_AGAIN}."
 
 
 def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
@@ -600,7 +604,7 @@ def cause_sentence(explanations: Sequence[Explanation]) -> str:
         evidence = f" (evidence {ratios})" if min(odds) >= 1 else ""  # else not in the order of it
         text = f"The measurements do not decide what is wrong: {', or '.join(questions)}{evidence}."
         return text if best.agrees else f"{text} None of these alone explains the residuals."
-    left = f"the residuals are {times(best.factor)} times the noise instead of {times(best.before)}"
+    left = f"the residuals are {times(best.factor)} times what is expected instead of {times(best.before)}"
     if _explains_estimates(best):
         left = _estimates_within(best)
     named = "Most likely" if best.agrees else "Closest"  # what leaves a misfit is not likely

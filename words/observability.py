@@ -148,7 +148,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
         case ToolAgainstTarget():
             return "the tool rotates too little over the measurements to be separated from the target"
         case TooFewMeasurements():
-            return f"too few measurements: {_counts(cause)}"
+            return too_few_words(cause)
         case OnePosition():
             return "all measurements are at one position, and a motion that keeps it is free"
         case LocalOptima():
@@ -370,8 +370,8 @@ def assumed_steps(rows: Sequence[_WithStatus], name: Namer) -> list[str]:
     return [f"To determine {listed(joints(names, name))}: {what}" for what, names in grouped.items()]
 
 
-def _counts(cause: TooFewMeasurements) -> str:
-    """What measurements give and what they must determine."""
+def too_few_words(cause: TooFewMeasurements) -> str:
+    """What too few measurements give, and what they must determine."""
     measured = counted(cause.measurements, "measurement")
     ties = ((cause.distances, "stated distance"), (cause.angles, "stated angle"))
     measured = listed([measured, *(counted(count, what) for count, what in ties if count)])
@@ -379,7 +379,8 @@ def _counts(cause: TooFewMeasurements) -> str:
     parts = [counted(count, _UNKNOWN[group]) for group, count in cause.unknowns.items()]
     total = sum(cause.unknowns.values())
     unknowns = f"{listed(parts)}, {total} in all," if len(parts) > 1 else parts[0]
-    return f"{measured} {gives} {counted(cause.numbers, 'number')}; {unknowns} must be determined"
+    numbers_given = counted(cause.numbers, "number")
+    return f"too few measurements: {measured} {gives} {numbers_given}; {unknowns} must be determined"
 
 
 def _local_optima(cause: LocalOptima, name: Namer) -> str:

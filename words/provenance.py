@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
+from ..model.files.header import SERIAL_KEYS, WHEN_KEYS
 from ..model.files.run import LEFT_OUT, MADE_OF
 from ..model.instruments.kind import Instrument
 from .wording import clipped, shown
@@ -12,10 +13,10 @@ from .wording import clipped, shown
 SERIAL, DATE, OPERATOR = "Robot, serial number", "Date of the measurements", "Calibrated by"
 MEASURED = (
     (OPERATOR, ("who", "operator", "calibrated by")),
-    (DATE, ("when", "date", "calibrated on")),
+    (DATE, WHEN_KEYS),
     ("Place", ("where", "place", "location")),
     ("Ambient temperature", ("temperature", "ambient temperature")),
-    (SERIAL, ("serial", "serial number", "robot serial", "robot serial number")),
+    (SERIAL, SERIAL_KEYS),
 )
 AUTHORISED = "Authorised by"
 NOTHING_MEASURED = "no robot was measured"
@@ -48,11 +49,6 @@ CERTIFICATE_KEYS = {
     "traceability": "Traceability",
     "authorised_by": AUTHORISED,
 }
-
-
-def by_plain_key(provenance: Mapping[str, object]) -> dict[str, object]:
-    """The provenance with its keys as `KEYS` and the words of the instruments have them."""
-    return {re.sub(r"[\s_-]+", " ", key).strip().casefold(): value for key, value in provenance.items()}
 
 
 def provenance_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:

@@ -100,7 +100,7 @@ def chosen(every: Sequence[Placement], pattern: str) -> list[Placement]:
     raise BadInput(
         "no placement and no target of that name can be held out",
         found=pattern,
-        allowed=", ".join(dict.fromkeys(names)),
+        allowed=", ".join(dict.fromkeys(names)) or "none: the run has neither targets nor placements",
     )
 
 

@@ -12,8 +12,8 @@ from typing import Annotated
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
-from ...model.errors import BadInput
-from ...model.files.header import Header, StatedGeometry
+from ...model.errors import BadInput, located
+from ...model.files.header import Header, StatedGeometry, require_one_arm
 from ...model.files.run import Run
 from ...model.kinematics.robot import Difference, arm_difference
 from ...model.likelihood.problem import Problem
@@ -113,6 +113,8 @@ def require_predictable(run: Run, other: Run) -> None:
             remedy="hold out other measurements, or a placement of this run by its name",
             file=other.path,
         )
+    with located(other.path):
+        require_one_arm(*((one.path.name, one.header.provenance) for one in (run, other)))
     differing = _headers_differ(run.header, other.header)
     if run.robot.conventions != other.robot.conventions:
         differing.insert(0, ("convention of the robot", run.robot.conventions, other.robot.conventions))

@@ -10,8 +10,8 @@ import csv
 import hashlib
 import io
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +21,7 @@ import numpy as np
 
 from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput, located
-from ...model.files.header import Header
+from ...model.files.header import WHEN_KEYS, Header, require_one_arm, stated_by
 from ...model.files.run import Run, read_run
 from ...model.kinematics.robot import Robot, arm_difference
 from ...model.likelihood.problem import Problem
@@ -37,7 +37,6 @@ from ..solution import Solution, require_noise_data, undecided_names
 from ..status import LACK_OF_FIT, RepeatStatus
 from .consistency import without_prior
 
-WHEN = "when"  # the key of a header's provenance that says when a run was made
 Kind = Literal["runs", "results", "table"]
 # `prior`: a prior has a part in it. `stated`, `not stated`: of a table.
 
@@ -102,7 +101,7 @@ class Repeat:
     sha256: str | None
     robot: str | None = None
     shots: int | None = None
-    when: str | None = None
+    provenance: Mapping[str, object] = field(default_factory=dict)
     names: tuple[str, ...]
     units: tuple[str, ...]
     held: tuple[str, ...] = ()
@@ -116,6 +115,11 @@ class Repeat:
     noise_dof: int | None = None
     findings: tuple[RunFinding, ...] = ()
     failure: str | None = None
+
+    @property
+    def when(self) -> str | None:
+        """When it was measured, as its provenance has it."""
+        return stated_by(self.provenance, WHEN_KEYS)
 
     @property
     def misfit(self) -> bool:
@@ -174,7 +178,6 @@ def _of_result(result: Result, name: str) -> Repeat:
         by_geometry.append(math.sqrt(share) * std if without_prior else math.nan)
     if any(np.asarray(by_geometry) > 0):
         findings.append(SharedTolerances())
-    when = inputs.provenance.get(WHEN)
     if result.misfit is not None:
         findings.extend(StatedMisfit(criterion.sentence or "") for criterion in result.misfit.criteria)
     elif fit.p_value is not None and fit.p_value < LACK_OF_FIT:
@@ -186,7 +189,7 @@ def _of_result(result: Result, name: str) -> Repeat:
         sha256=inputs.sha256,
         robot=inputs.robot,
         shots=inputs.shots,
-        when=when if isinstance(when, str) else None,
+        provenance=inputs.provenance,
         names=tuple(row.name for row in free),
         units=tuple(row.unit for row in free),
         held=tuple(row.name for row in result.offsets if row.held),
@@ -304,13 +307,12 @@ def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
     """A run before its fit."""
     items = [item for item in problem.parameters.items if item.group == "offset"]
     free = [item for item in items if not item.held]
-    when = run.header.provenance.get(WHEN)
     return Repeat(
         name=name,
         sha256=run.sha256,
         robot=run.robot.name,
         shots=problem.shots,
-        when=when if isinstance(when, str) else None,
+        provenance=run.header.provenance,
         names=tuple(item.name for item in free),
         units=tuple(item.unit for item in free),
         held=tuple(item.name for item in items if item.held),
@@ -474,6 +476,7 @@ def _require_comparable(one: Repeat, other: Repeat) -> None:
     if one.robot != other.robot:
         remedy = "compare the runs of each robot on their own"
         refuse("the runs are of different robots", one.robot, other.robot, "runs of one robot", remedy)
+    require_one_arm((one.name, one.provenance), (other.name, other.provenance))
     if (one.held, one.names) != (other.held, other.names):
         refuse(
             "the runs do not hold the same offsets",

@@ -16,7 +16,7 @@ from ...analysis.drift.forecast import HORIZON_YEARS, due_after
 from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
 from ...analysis.row import ParameterRow
-from ...analysis.status import NOT_DESCRIBED
+from ...analysis.status import NOT_DESCRIBED, has_numbers
 from ...model.records import inline, internal, it, key, or_null, record
 from ...words.provenance import NOTHING_MEASURED
 from .stored_result import Event, Moment, StoredResult
@@ -89,7 +89,7 @@ class DriftingOffset(ParameterRow):
 class Due:
     """When the next calibration is due."""
 
-    tolerance_mm: Annotated[float, it("of the TCP error, millimetres")]
+    tolerance_mm: Annotated[float, it("of the TCP error by the offsets alone, millimetres")]
     when: Annotated[datetime | None, internal]
     reason: Annotated[str, it("null where there is nothing to say"), or_null]
 
@@ -244,6 +244,8 @@ def arm_drift(
 def _why_not(result: StoredResult) -> str | None:
     if result.verdict == "misfit":
         return f"misfit: {NOT_DESCRIBED}"
+    if result.without_prior is None and not any(has_numbers(row.status) for row in result.offsets):
+        return "it determines no offset"
     if result.without_prior is None:
         return "it has no covariance of the offsets without prior: add it again, made by this version"
     dof = result.without_prior.dof

@@ -12,7 +12,7 @@ from ...analysis.answer.answer_message import Grade, Message
 from ...analysis.status import Verdict
 from ...model.records import if_any, internal, it, key, record, worded
 from .arm_drift import NOT_SOON, ArmDrift, DatedJump, Due
-from .stored_result import Event, Moment, StoredResult
+from .stored_result import Event, Moment, StoredResult, last_of
 
 State = Literal["overdue", "jump without event", "jump", "misfit", "no due date", "on schedule"]
 # The gravest first.
@@ -110,7 +110,7 @@ class ArmHistory:
     @property
     @key("`overdue`, … as above")
     def state(self) -> State:
-        arm, last = self.arm, self.results[-1] if self.results else None
+        arm, last = self.arm, self.last
         late = self.asked is not None and arm.due is not None and arm.due.date() <= self.asked.date()
         if arm.due is not None and (arm.due_reason or late):
             return "overdue"
@@ -136,9 +136,14 @@ class ArmHistory:
         return min(self.arm.jumps, key=lambda jump: (bool(jump.events), jump.p_value), default=None)
 
     @property
+    def last(self) -> StoredResult | None:
+        """The last result: a simulated one where there is no other."""
+        return last_of(self.results) if self.results else None
+
+    @property
     def row(self) -> ArmState:
         """Its row in the list of all arms."""
-        jump, last = self.clearest, self.results[-1] if self.results else None
+        jump, last = self.clearest, self.last
         return ArmState(
             serial=self.serial,
             model=self.model,
@@ -148,7 +153,7 @@ class ArmHistory:
             last=None if last is None else last.measured_at,
             verdict=None if last is None else last.verdict,
             simulated=last is not None and last.simulated,
-            judged=self.judged[-1] if self.judged else None,
+            judged=None if last is None else self.judged[self.results.index(last)],
             jumps=len(self.arm.jumps),
             undecided=len(self.arm.undecided),
             next_due=self.arm.next_due,

@@ -20,13 +20,13 @@ from ...analysis.solution import ParameterResult
 from ...analysis.status import known, versions
 from ...analysis.tcp_region import TcpRegion
 from ...model.errors import BadInput
+from ...model.files.header import by_plain_key
 from ...model.records import if_any, inline, internal, it, key, only, record, to_json
 from ...words.message import read_message
 from ...words.provenance import (
     CERTIFICATE_KEYS,
     DATE,
     KEYS,
-    by_plain_key,
     provenance_entry,
     traced,
 )

@@ -287,7 +287,7 @@ class Fleet:
     question, None without any result."""
 
     schema: Annotated[Literal["zerobeam/history-fleet/1"], KIND] = FLEET_SCHEMA
-    tolerance_mm: Annotated[float, it("of the TCP error, millimetres")]
+    tolerance_mm: Annotated[float, it("of the TCP error by the offsets alone, millimetres")]
     drift: Annotated[FleetDrift, it("`fleet` of `drift --json`")]
     arms: Annotated[
         tuple[ArmState, ...],

@@ -27,7 +27,19 @@ from ...model.records import read, to_json
 from ...words.message import read_message
 from ...words.provenance import is_simulated, made_of
 from .database import Database, arm, document, event, result
-from .stored_result import DAMAGED, Arm, Entry, Event, StoredResult, What, entry_of, is_day, moment, parsed
+from .stored_result import (
+    DAMAGED,
+    Arm,
+    Entry,
+    Event,
+    StoredResult,
+    What,
+    entry_of,
+    is_day,
+    last_of,
+    moment,
+    parsed,
+)
 
 Outcome = Literal["added", "replaced", "already there", "refused"]
 
@@ -53,7 +65,7 @@ _DIGITS = 1e-9  # to which numbers agree: another order of the same sums gives a
 _VERDICT: Any = Verdict
 # In the order of time; of several of one time the gravest stands for the last.
 _GRAVITY = sa.case(
-    {each: place for place, each in enumerate(get_args(Verdict))}, value=result.c.verdict, else_=-1
+    {each: number for number, each in enumerate(get_args(Verdict))}, value=result.c.verdict, else_=-1
 )
 _ORDER = (result.c.measured_at, _GRAVITY, result.c.sha256)
 Values = dict[str, Any]  # of a row of a table, by its columns
@@ -227,7 +239,7 @@ def _is_named(history: Database, row: Any, damaged: Damaged) -> bool:
 
 
 def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
-    """Of an arm with its last result."""
+    """Of an arm with its last result: a simulated one where it has no other."""
     of = (row.serial, row.model, row.vendor)
     if row.sha256 is None:
         return Arm(*of, 0, None, None, None)
@@ -236,12 +248,14 @@ def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
         verdict: Verdict = read(_VERDICT, json.dumps(row.verdict))
         with history.reading() as connection:
             simulated = is_simulated(_provenance(connection, row.sha256))
-        return Arm(*of, row.results, *times, verdict, row.sha256, simulated)
+        if not simulated or row.results == 1:
+            return Arm(*of, row.results, *times, verdict, row.sha256, simulated)
     except DAMAGED:
-        stored = list(results(history, of[:2], damaged))
+        pass
+    stored = list(results(history, of[:2], damaged))
     if not stored:
         return Arm(*of, 0, None, None, None)
-    first, newest = stored[0].measured_at, stored[-1]
+    first, newest = stored[0].measured_at, last_of(stored)
     return Arm(*of, len(stored), first, newest.measured_at, newest.verdict, newest.sha256, newest.simulated)
 
 

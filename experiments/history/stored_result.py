@@ -26,6 +26,7 @@ from ...analysis.diagnostics.accuracy import Grid
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict, has_numbers
 from ...model.errors import BadInput, UnsoundResult
+from ...model.files.header import by_plain_key
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
 from ...model.records import if_any, internal, it, or_null, record
 from ...words.provenance import (
@@ -33,7 +34,6 @@ from ...words.provenance import (
     KEYS,
     OPERATOR,
     SERIAL,
-    by_plain_key,
     first_entry,
     instrument,
     is_simulated,
@@ -113,6 +113,11 @@ class StoredResult:
         shape: tuple[int, ...] = (len(self.offsets),) * 2
         if square is not None and (np.shape(square) != shape or any(None in row for row in square)):
             raise ValueError("accuracy.sensitivity_mm2 has not a number for each two of the offsets")
+
+
+def last_of(results: Sequence[StoredResult]) -> StoredResult:
+    """The last of results in their order: a simulated one where there is no other."""
+    return ([one for one in results if not one.simulated] or list(results))[-1]
 
 
 def _require_of(free: OffsetsWithoutPrior, offsets: Sequence[ParameterRow]) -> None:

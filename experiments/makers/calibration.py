@@ -489,7 +489,11 @@ def _not_to_enter(solution: Solution, run: Run, holds: Holds) -> tuple[str, ...]
     if is_simulated(run.header.provenance):
         return (NO_ROBOT,)
     content = message_so_far(solution, run.path.name, run.header)
-    return () if content.may.enter or holds == "postures" else (content.action.text,)
+    if content.may.enter or holds == "postures":
+        return ()
+    text, command = content.action.text, content.action.command
+    command = f" {command}" if command is not None and text.endswith(":") else ""
+    return (f"exported although the message of the run says: {text}{command}",)
 
 
 def _weak_values(offsets: Sequence[JointOffset]) -> tuple[str, ...]:

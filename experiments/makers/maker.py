@@ -271,7 +271,35 @@ def numbers_of(text: str, option: str, allowed: str, counts: Collection[int] = (
     return values
 
 
+# Of the program's sentences; letters of names stay apart from each other as escapes.
+_IN_ASCII = str.maketrans(
+    {
+        "±": "+-",
+        "°": " deg",
+        "−": "-",
+        "–": "-",
+        "→": "->",
+        "≤": "<=",
+        "≥": ">=",
+        "×": "x",
+        "²": "2",
+        "′": "'",
+    }
+    | {
+        "χ": "chi",
+        "δ": "delta",
+        "’": "'",
+        "‘": "'",
+        "“": '"',
+        "”": '"',
+        "…": "...",
+        "\u00a0": " ",
+        "\u202f": " ",
+    }
+)
+
+
 def one_line(text: str) -> str:
     """Text that may hold any character, as ASCII on one line; control and other characters as escapes."""
-    ascii_text = text.replace("±", "+-").replace("°", " deg").replace("−", "-")
+    ascii_text = text.translate(_IN_ASCII)
     return re.sub(r"[^ -~]", lambda letter: letter.group().encode("unicode_escape").decode(), ascii_text)

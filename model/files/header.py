@@ -6,6 +6,7 @@ are those of `docs/files.md`; what is not among them is an error.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self, Union
@@ -811,6 +812,34 @@ class Header(FileModel):
                     found=name,
                     allowed="planes" if flat else "points and spheres",
                 )
+
+
+# Of a provenance, as `by_plain_key` has them: the serial number of the arm, and when it was measured.
+SERIAL_KEYS = ("serial", "serial number", "robot serial", "robot serial number")
+WHEN_KEYS = ("when", "date", "calibrated on")
+
+
+def by_plain_key(provenance: Mapping[str, object]) -> dict[str, object]:
+    """The provenance with its keys in small letters, their words apart by spaces."""
+    return {re.sub(r"[\s_-]+", " ", key).strip().casefold(): value for key, value in provenance.items()}
+
+
+def stated_by(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str | None:
+    """What a provenance states by the first of the plain `keys` that is there."""
+    plain = by_plain_key(provenance)
+    return next((str(plain[key]).strip() for key in keys if key in plain), None)
+
+
+def require_one_arm(one: tuple[str, Mapping[str, object]], other: tuple[str, Mapping[str, object]]) -> None:
+    """BadInput where the provenances of two runs, each behind its name, state different serial numbers."""
+    serials = [stated_by(provenance, SERIAL_KEYS) for _, provenance in (one, other)]
+    if None not in serials and serials[0] != serials[1]:
+        raise BadInput(
+            "the runs are of different arms: their serial numbers differ",
+            found=f"{serials[0]} in {one[0]}, {serials[1]} in {other[0]}",
+            allowed="runs of one arm",
+            remedy="name the runs of one arm, or correct provenance.serial in the header of its run",
+        )
 
 
 def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/plan/1"]) -> dict[str, object]:

@@ -191,8 +191,8 @@ def _unit_hint(robot: Robot, joints: Matrix) -> str | None:
         return "radians? read as radians, all values would be within the limits; degrees are wanted"
     if _far_outside(robot, values, chosen) and _inside(robot, np.radians(values), chosen):
         return (
-            "radians? all values are within the limits if they are divided by 57.3: "
-            "perhaps they were degrees already (--units deg), or were converted from radians twice"
+            "degrees, taken for radians? all values are within the limits if they are divided by 57.3: "
+            "perhaps they were degrees already (then state deg as their unit), or were converted twice"
         )
     return None
 

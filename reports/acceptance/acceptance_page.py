@@ -18,6 +18,7 @@ from ...analysis.status import Verdict as Tone
 from ...analysis.status import versions
 from ...experiments.acceptance_files import ACCEPTANCE_SCHEMA, RunOfTest, Verified
 from ...model.errors import BadInput
+from ...model.files.header import by_plain_key
 from ...model.parsing.reading import LARGEST_RECORDING, read_text
 from ...model.records import read, to_json
 from ...words import numbers
@@ -34,7 +35,14 @@ from ...words.acceptance_words import (
     probability_words,
 )
 from ...words.controllers import no_offsets_words, taken_by
-from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, SIMULATED, by_plain_key, provenance_entry
+from ...words.provenance import (
+    DATE,
+    KEYS,
+    OPERATOR,
+    SERIAL,
+    SIMULATED,
+    provenance_entry,
+)
 from ...words.wording import clipped, counted, label, listed, measured_at, shown
 from ..output.whole_folder import FolderContents, Kind, write_answer
 from ..style.blocks import (

@@ -74,8 +74,9 @@ _FEW_ROWS = 24  # more are shown on demand
 _NO_TEXT = "—"
 _CERTIFY = "A signed certificate of one of them: zerobeam history certify, with --run or --date."
 DUE_MEANS = (
-    "until then the TCP error stays within the tolerance with a probability of 95\u00a0%, if the offsets of"
-    " the last result are applied; jumps are not foreseen"
+    "until then the TCP error by the offsets alone stays within the tolerance with a probability of"
+    " 95\u00a0%, if the offsets of the last result are applied. What links leave comes on top. Jumps are not"
+    " foreseen"
 )
 
 
@@ -124,8 +125,8 @@ def _why(history: ArmHistory) -> str:
     if state == "jump" and jump is not None:
         events = listed([f"{one.what} of {day(one.at)}" for one in jump.events])
         return f"{change_sentence(jump)}; logged in between: {events}. "
-    if state == "misfit":
-        last = day(history.results[-1].measured_at)
+    if state == "misfit" and history.last is not None:
+        last = day(history.last.measured_at)
         return f"The last result, of {last}, is a misfit and does not count. "
     if arm.drift is None:
         return f"{'One result counts' if arm.used else 'No result counts'}: a drift needs two. "
@@ -170,7 +171,7 @@ def _facts(history: ArmHistory) -> list[tuple[str, str]]:
     if results:
         facts.append(("From", day(results[0].measured_at)))
         facts.append(("To", day(results[-1].measured_at)))
-    facts.append(("Tolerance at the TCP", numbers.exact(history.arm.tolerance_mm, "mm")))
+    facts.append(("Tolerance at the TCP, offsets alone", numbers.exact(history.arm.tolerance_mm, "mm")))
     if history.as_of is not None:
         facts.append(("As of", history.as_of))
     return facts

@@ -24,7 +24,7 @@ def fleet_page(fleet: Fleet) -> Page:
     """The display strings of all arms."""
     models = sorted({clipped(row.model) for row in fleet.arms})
     facts = [("Arms", f"{len(fleet.arms):,}"), ("Results", f"{sum(row.results for row in fleet.arms):,}")]
-    facts.append(("Tolerance at the TCP", numbers.exact(fleet.tolerance_mm, "mm")))
+    facts.append(("Tolerance at the TCP, offsets alone", numbers.exact(fleet.tolerance_mm, "mm")))
     if fleet.as_of is not None:
         facts.append(("As of", fleet.as_of))
     together = list(fleet_blocks(fleet.drift))

@@ -179,14 +179,17 @@ def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
         yield Paragraph(f"Not counted: the result of {day(left.result.measured_at)}: {left.reason}.")
 
 
+ON_TOP = "What links leave comes on top: the report of the last result has it"
+
+
 def due_sentence(arm: ArmDrift) -> str:
     """When the next calibration is due, or why there is no date."""
     tolerance = numbers.exact(arm.tolerance_mm, "mm")
-    limit = f"TCP error within {tolerance} (95 %, rms over the region of the last run)"
+    limit = f"a TCP error by the offsets alone within {tolerance} (95 %, rms over the region of the last run)"
     if arm.due is not None and not arm.due_reason:
-        return f"Next calibration due: {arm.due:%Y-%m-%d}, for a {limit}."
+        return f"Next calibration due: {arm.due:%Y-%m-%d}, for {limit}. {ON_TOP}."
     word = "due now" if arm.due is not None else "no due date"
-    return f"Next calibration: {word} for a {limit}: {with_labels(arm.due_reason)}."
+    return f"Next calibration: {word} for {limit}: {with_labels(arm.due_reason)}."
 
 
 def with_labels(text: str) -> str:

@@ -20,7 +20,7 @@ from ...analysis.repeatability.compare import (
 from ...analysis.repeatability.consistency import Mean, Scatter
 from ...model.arrays import NORMAL_95
 from ...words import numbers
-from ...words.comparison import headline, notes
+from ...words.comparison import headline, notes, time_unit
 from ...words.numbers import significant, with_unit
 from ...words.sentences import to_json
 from ...words.wording import clipped, counted, label, listed, sentence, shown
@@ -182,11 +182,13 @@ def _drift_row(row: ComparedOffset, comparison: Comparison) -> Row:
     if drift is None:
         return row_of(_named(row), Cell("not determined", span=3), tone="unidentifiable")
     low, high = drift.interval95
-    spread, at = (high - low) / (2 * NORMAL_95), "h" if comparison.by_time else "run"
-    unit = f"{'°' if row.unit == 'deg' else f' {row.unit}'}/{at}"
+    time, per = time_unit(comparison)
+    low, high = low * per, high * per
+    spread = (high - low) / (2 * NORMAL_95)
+    unit = f"{'°' if row.unit == 'deg' else f' {row.unit}'}/{time}"
     return row_of(
         _named(row),
-        f"{numbers.estimate(drift.slope, spread)}{unit}",
+        f"{numbers.estimate(drift.slope * per, spread)}{unit}",
         f"{numbers.interval((low, high), spread)}{unit}",
         numbers.p_value(drift.p_holm),
         tone="weak" if row.name in comparison.drifting else "",
@@ -208,7 +210,8 @@ def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
         cell = Cell(f"misfit, {cell}", mark="unvalidated")
     if run.reason is not None:
         cell = Cell("no result", mark="weak")
-    at = numbers.significant(run.at, 3, "h") if comparison.by_time else str(number)
+    time, per = time_unit(comparison)
+    at = f"{numbers.significant(run.at / per)} {time}s" if comparison.by_time else str(number)
     count = _NOT_GIVEN if run.shots is None else str(run.shots)
     return row_of(clipped(run.name, _LONGEST_NAME), at, count, cell, tone="weak" if outlier else "")
 
@@ -285,9 +288,10 @@ def runs_picture(comparison: Comparison) -> Picture | None:
         figure = new_figure(0.75 * len(compared) + 0.7)
         panels = figure.subplots(len(compared), 1, sharex=True, squeeze=False)[:, 0]
         within = [_panel(axes, comparison, i) for axes, i in zip(panels, compared, strict=True)]
-        hours = comparison.by_time
-        panels[-1].set_xlabel("hours from the first run" if hours else "run")
-        if not hours and len(comparison.runs) <= _MOST_NUMBERED:
+        panels[-1].set_xlabel(
+            f"{time_unit(comparison)[0]}s from the first run" if comparison.by_time else "run"
+        )
+        if not comparison.by_time and len(comparison.runs) <= _MOST_NUMBERED:
             panels[-1].set_xticks([run.at for run in comparison.runs])
         svg = to_svg(figure, "runs")
     title = "Each run’s offsets less the mean of all runs (band: 95 % interval of the mean"
@@ -302,7 +306,8 @@ def runs_picture(comparison: Comparison) -> Picture | None:
 def _panel(axes: Axes, comparison: Comparison, i: int) -> bool:
     """One offset, on the scale of its runs; whether the band of the mean is within it: of two runs it is many
     times as wide as they are apart."""
-    row, ink, blue = comparison.offsets[i], light("ink"), light("identified")
+    row, (_, per) = comparison.offsets[i], time_unit(comparison)
+    ink, blue = light("ink"), light("identified")
     assert row.mean is not None
     low, high = row.mean.interval95
     axes.axhspan(low - row.mean.value, high - row.mean.value, color=blue, alpha=0.12, linewidth=0)
@@ -316,9 +321,9 @@ def _panel(axes: Axes, comparison: Comparison, i: int) -> bool:
         off = offset.estimate - row.mean.value
         if offset.std is not None:
             half = NORMAL_95 * offset.std
-            axes.plot([run.at] * 2, [off - half, off + half], "-", linewidth=1.3, color=colour)
+            axes.plot([run.at / per] * 2, [off - half, off + half], "-", linewidth=1.3, color=colour)
         shape = SHAPES["weak" if outlier else "identified"]
-        axes.plot([run.at], [off], shape, markersize=6 if outlier else 4.2, color=colour)
+        axes.plot([run.at / per], [off], shape, markersize=6 if outlier else 4.2, color=colour)
     axes.grid(visible=False, axis="x")
     axes.locator_params(axis="y", nbins=3)
     axes.margins(x=0.06)

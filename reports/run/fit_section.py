@@ -180,8 +180,8 @@ def diagnosis_section(result: Result) -> Section | None:
     ]
     before = times(result.diagnosis[0].before)
     caption = (
-        f"Tried, best first: residuals in multiples of the noise (as recorded: {before}), largest estimate in"
-        " prior standard deviations, parameters estimated in addition"
+        f"Tried, best first: residuals in multiples of what is expected (as recorded: {before}), largest"
+        " estimate in prior standard deviations, parameters estimated in addition"
     )
     text = diagnosis_said(result.diagnosis)
     return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows, "llr"))

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...analysis.answer.result import Inputs, Result
+from ...model.files.header import by_plain_key
 from ...model.instruments.registry import kinds_of
 from ...words.provenance import (
     DATE,
@@ -15,7 +16,6 @@ from ...words.provenance import (
     MEASURED,
     OPERATOR,
     SERIAL,
-    by_plain_key,
     instrument,
     is_simulated,
     provenance_entry,

@@ -182,7 +182,7 @@ def test_the_page_of_an_arm_is_the_same_among_those_of_all(kept: Path) -> None:
     one, all_arms = kept / "one", kept / "all"
     told = zerobeam("history", "report", "A-1", "-o", one, "--tolerance-mm", "0.4")
     assert told.status == 0
-    assert "for a TCP error within 0.4\u00a0mm" in told.out
+    assert "for a TCP error by the offsets alone within 0.4\u00a0mm" in told.out
     assert f"Report: {one / 'arm.html'}" in told.out
     assert zerobeam("history", "report", "-o", all_arms, "--tolerance-mm", "0.4").status == 0
     (inside,) = (all_arms / "arms").iterdir()

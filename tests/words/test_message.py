@@ -8,6 +8,7 @@ import json
 import shlex
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -361,3 +362,35 @@ def test_a_plan_is_aimed_at_the_target_as_it_was_found() -> None:
         if planned is not None:
             place = [float(value) for value in planned.rpartition("=")[2].split(",")]
             assert np.linalg.norm(np.array(place) - [900, 0, 0]) < 3
+
+
+def test_too_few_measurements_are_not_called_a_failure_of_the_fit(tmp_path: Path) -> None:
+    """Two points of a tracker: 13 unknowns by 6 numbers are no wrong reading."""
+    leica = {
+        "kind": "tracker",
+        "frame": "free",
+        "sigma_mm": 0.03,
+        "reflectors": {"R1": {"guess_mm": [60, 0, 80]}},
+    }
+    head = {"schema": "zerobeam/run/1", "robot": "kr6_r900_2", "instruments": {"leica": leica}}
+    shots = [
+        {
+            "joints_deg": [-29.970122, -109.810468, 40.023245, 86.437113, 71.502193, -158.581236],
+            "measured_mm": [-2884.417718, 574.15904, 518.986718],
+        },
+        {
+            "joints_deg": [-9.756252, -43.6123, 54.044602, -93.174832, -49.353561, -177.650576],
+            "measured_mm": [-2186.572667, 348.048265, -155.314876],
+        },
+    ]
+    rows = [head | {"noise": {"joint_deg": 0.005}}, *({"shot": k, **shot} for k, shot in enumerate(shots))]
+    (tmp_path / "two.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
+    run = read_run(tmp_path / "two.jsonl")
+    solution = solve_run(Problem.from_run(run), run.header)
+    assert not solution.converged
+    content = message_so_far(solution, "two.jsonl", run.header)
+    assert "2 measurements give 6 numbers" in content.verdict
+    assert "converge" not in content.verdict
+    assert content.action.text.startswith("Enter nothing: record at least 5 measurements")
+    assert content.action.command == "zerobeam plan optimal --header two.jsonl -o plan.yaml"
+    assert not content.may.enter

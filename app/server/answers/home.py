@@ -11,11 +11,17 @@ from typing import Annotated, Any, Literal
 from ....analysis.answer.result import Result
 from ....analysis.status import Verdict
 from ....model.errors import BadInput
+from ....model.files.header import by_plain_key
 from ....model.files.robot_file import RobotFile, built_in_robots, read_rows, stated_rows
 from ....model.instruments.registry import kinds_of
 from ....model.records import if_any, it, record
 from ....words.message import read_message, result_words
-from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_simulated
+from ....words.provenance import (
+    KEYS,
+    SERIAL,
+    first_entry,
+    is_simulated,
+)
 from ....words.wording import clipped, counted
 from ..folder import Folder
 from ..index import Facts, FolderFile, Head, Index, Unread

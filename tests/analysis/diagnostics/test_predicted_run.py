@@ -228,6 +228,7 @@ def changed_header(run: Run, **changes: Any) -> Run:
             "another noise.joint_deg",
         ),
         (lambda run: changed_header(run, held=("delta1", "delta2")), "another held"),
+        (lambda run: changed_header(run, provenance={"Serial": "B"}), "A in run.jsonl, B in run.jsonl"),
         (lambda run: changed_header(run, geometry=StatedGeometry()), "another geometry"),
     ],
 )
@@ -235,9 +236,10 @@ def test_another_run_is_refused_with_what_differs(
     fitted: tuple[Run, Solution], change: Callable[[Run], Run], words: str
 ) -> None:
     other = other_run(another(), TABLE_2, 0)
-    require_predictable(fitted[0], other)
+    run = changed_header(fitted[0], provenance={"robot_serial": "A"})
+    require_predictable(run, other)
     with pytest.raises(BadInput) as caught:
-        require_predictable(fitted[0], change(other))
+        require_predictable(run, change(other))
     assert words in str(caught.value)
 
 

@@ -378,14 +378,14 @@ def test_a_drift_is_found_over_the_order_and_over_the_time(slope: float) -> None
     assert answer["drifting"] == (["delta4"] if slope else [])
     assert (answer["verdict"] == "does not agree") == bool(slope)
     timed = [
-        replace(own, when=f"2014-08-0{1 + h // 20}T{h % 20:02d}:00:00Z")
+        replace(own, provenance={"when": f"2014-08-0{1 + h // 20}T{h % 20:02d}:00:00Z"})
         for own, h in zip(repeats(values), hours, strict=True)
     ]
     shuffled = compared("runs", timed[::-1], 0)
     assert shuffled["settings"]["order"] == "time"
     assert [run["name"] for run in shuffled["runs"]] == [run["name"] for run in answer["runs"]]
     assert [run["at"] for run in shuffled["runs"]][:3] == [0.0, 1.0, 2.0]
-    mixed = [replace(timed[0], when="2014-08-01T00:00:00"), *timed[1:]]
+    mixed = [replace(timed[0], provenance={"When": "2014-08-01T00:00:00"}), *timed[1:]]
     assert compared("runs", mixed, 0)["settings"]["order"] == "given"
 
 
@@ -508,6 +508,13 @@ def test_runs_that_are_not_repeats_are_refused(tmp_path: Path) -> None:
     assert compare(with_header(robot="same.yaml"))["verdict"] == "agrees"
     refused(with_header(robot="longer.yaml"), "different robots", "their geometry differ")
     refused(with_header(robot="other.yaml"), "different robots", "irb1600 in", "irb1601 in")
+    serials = [tmp_path / "a.jsonl", tmp_path / "b.jsonl"]
+    for path, own in zip(serials, ({"serial": "A"}, {"Serial number": "B"}), strict=True):
+        source = other if path.stem == "b" else one
+        path.write_text(
+            "\n".join([json.dumps(head | {"provenance": own}), *source.read_text().splitlines()[1:]])
+        )
+    refused(serials, "different arms", "A in a.jsonl, B in b.jsonl")
     open_tool = with_header(tool={**LASER, "calibrated": False})
     refused(open_tool, "do not hold the same offsets", "delta1, delta6 in changed.jsonl")
     estimated = {**head["noise"], "scale": "estimated"}

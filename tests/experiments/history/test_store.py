@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import sqlalchemy as sa
 from child import ZEROBEAM, child
 from histories import a_result, adding, as_misfit, postgresql, write_result
 
+from zerobeam.analysis.row import ParameterRow
 from zerobeam.experiments.history import store
 from zerobeam.experiments.history.arm_drift import arm_drift
 from zerobeam.experiments.history.database import Database, document, open_history
@@ -166,6 +168,25 @@ def test_of_results_of_one_time_the_gravest_stands_for_the_last(history: Databas
     add(history, [entry(tmp_path, answer) for answer in answers])
     assert [one.verdict for one in arms(history)] == ["misfit"]
     assert [one.verdict for one in results(history, ("A-1", "irb1600"))] == [*["pass"] * 3, "misfit"]
+
+
+def test_a_result_that_determines_nothing_is_said_not_to(history: Database, tmp_path: Path) -> None:
+    """It was to be added again, which changed nothing."""
+    add(history, [entry(tmp_path, a_result(when="2025-03-01"))])
+    (stored,) = results(history)
+    unknown = ParameterRow("delta2", "deg", "unidentifiable", None, None, None)
+    nothing = replace(stored, offsets=(unknown,), without_prior=None, sensitivity_mm2=None)
+    drift = arm_drift(("A-1", "irb1600"), [nothing], [], 0.5)
+    assert [one.reason for one in drift.left_out] == ["it determines no offset"]
+
+
+def test_a_simulated_result_is_the_last_where_there_is_no_other(history: Database, tmp_path: Path) -> None:
+    simulated = a_result(when="2026-01-01", origin="simulated")
+    add(history, [entry(tmp_path, simulated)])
+    assert [(one.simulated, one.results) for one in arms(history)] == [(True, 1)]
+    add(history, [entry(tmp_path, as_misfit(a_result(when="2025-01-01")))])
+    (arm,) = arms(history)
+    assert (arm.simulated, arm.verdict, arm.results, f"{arm.last:%Y}") == (False, "misfit", 2, "2025")
 
 
 def test_results_that_state_one_time_have_no_order(history: Database, tmp_path: Path) -> None:

@@ -218,7 +218,7 @@ def test_a_file_says_what_the_message_says_where_nothing_may_be_entered() -> Non
     (said,) = calibration(nominal).warnings
     content = message(analyse(nominal, sampling="never").result)
     assert not content.may.enter
-    assert said == content.action.text
+    assert said == f"exported although the message of the run says: {content.action.text}"
     assert "apply that calibration twice" in said
     head = " ".join(line.strip() for line in calibration(nominal).head)
     assert f"note: {said}" in head
@@ -233,4 +233,5 @@ def test_names_stay_on_one_line_of_ascii(tmp_path: Path) -> None:
         assert line.isascii()
         assert line.isprintable()
     assert "delta1" in "".join(told.head)
+    assert one_line("χ² of δ5 → 3°") == "chi2 of delta5 -> 3 deg"
     assert one_line("a\nb\u2028é\x7f") == "a\\nb\\u2028\\xe9\\x7f"

@@ -234,7 +234,7 @@ def test_degrees_that_were_converted_twice_are_asked_about(run_file, refused):
     error = refused(read_run, run_file(text(*rows)))
     assert "radians?" in error.remedy
     assert "57.3" in error.remedy
-    assert "--units deg" in error.remedy
+    assert "state deg as their unit" in error.remedy
     # A slip in one value is no question of units.
     slip = refused(read_run, run_file(text(shot(0, joints_deg=[190.0, *JOINTS[1:]]))))
     assert "radians?" not in slip.remedy
