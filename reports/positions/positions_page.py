@@ -111,9 +111,9 @@ def _first(answer: Conversion) -> Iterator[Block]:
             )
     elif moved:
         first = "Convert the whole backup, not one file" if answer.single else "Load all files of it"
-        yield Paragraph(
-            f"{first}, or parts will disagree by up to {numbers.significant(max(moved), 2, 'mm')}."
-        )
+        apart = numbers.significant(max(moved), 2, "mm")
+        by = f"{apart} or more" if answer.to_state else f"up to {apart}"  # some could not be computed
+        yield Paragraph(f"{first}, or parts will disagree by {by}.")
     if answer.entered:
         zeros = ", ".join(f"{one.joint} {one.value:+.4f}" for one in answer.entered)
         yield Paragraph(
