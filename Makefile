@@ -21,11 +21,11 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: .venv/installed
 	@$(BIN)/zerobeam demo
 
-# Types are checked beside the tests; what was found is told below theirs.
+# Types and the app's page are checked beside the tests; what was found is told below theirs.
 test: style
-	@$(TYPES) >build/types.txt & types=$$!; \
+	@{ $(TYPES) && .ci/page/check; } >build/beside.txt 2>&1 & beside=$$!; \
 	$(BIN)/pytest -n auto --dist worksteal -m "not long"; tests=$$?; \
-	wait $$types || { cat build/types.txt; exit 1; }; exit $$tests
+	wait $$beside || tests=1; cat build/beside.txt; exit $$tests
 
 test-long: .venv/installed-test
 	@$(BIN)/pytest -n auto --dist worksteal -m long $(if $(SHARD),--shard $(SHARD)) $(if $(MINUTES),--minutes $(MINUTES))
@@ -36,10 +36,11 @@ test-lowest: .venv-lowest/installed-test
 docs: .venv/installed-docs
 	@$(BIN)/python docs/build.py
 
+# The page of the app is checked where Node is.
 lint: style
 	@$(TYPES)
+	@.ci/page/check
 
-# The page of the app is checked where Node is.
 # mypy wants to find the package under its name, and an editable install hides it: link the rooms.
 style: .venv/installed-test
 	@$(BIN)/ruff check --quiet .
@@ -49,7 +50,6 @@ style: .venv/installed-test
 		ln -s "$(CURDIR)/$${part%/}" build/typing/zerobeam/; done
 	@PYTHONPATH=build/typing $(BIN)/lint-imports --no-cache --no-logo >build/imports.txt || \
 		{ cat build/imports.txt; exit 1; }
-	@.ci/page/check
 
 format: .venv/installed-test
 	@$(BIN)/ruff check --quiet --fix .
