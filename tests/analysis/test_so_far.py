@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -48,21 +49,21 @@ def growing(plan: Plan, seed: int = 0) -> list[Solution]:
     return told
 
 
-PLANS: dict[str, Plan] = {
-    "good": good_plan(7),
-    "x-pattern": pattern_plan("x"),
-    "y-pattern": pattern_plan("y"),
-    "open laser": good_plan(9, tool=OPEN_LASER),
-    "probe": good_plan(7, tool=PROBE),
-    "open probe": good_plan(9, tool=OPEN_PROBE),
-    "estimated scale": good_plan(8, noise={"scale": "estimated"}),
+PLANS: dict[str, Callable[[], Plan]] = {
+    "good": lambda: good_plan(7),
+    "x-pattern": lambda: pattern_plan("x"),
+    "y-pattern": lambda: pattern_plan("y"),
+    "open laser": lambda: good_plan(9, tool=OPEN_LASER),
+    "probe": lambda: good_plan(7, tool=PROBE),
+    "open probe": lambda: good_plan(9, tool=OPEN_PROBE),
+    "estimated scale": lambda: good_plan(8, noise={"scale": "estimated"}),
 }
 
 
 @pytest.mark.parametrize("name", ["good", "x-pattern", "open probe", "estimated scale"])
 @pytest.mark.at_length(r"^(open probe|estimated scale)")
 def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, run = simulated(PLANS[name], {} if "probe" in name else TABLE_2, 2)
+    _, run = simulated(PLANS[name](), {} if "probe" in name else TABLE_2, 2)
     told = so_far(Problem.from_run(run))
     monkeypatch.setattr("zerobeam.analysis.analyse.sample_posterior", lambda *_, **__: (UNSAMPLED, None))
     result = analyse(run).result
@@ -106,7 +107,7 @@ def test_what_another_optimum_disagrees_about_is_not_known() -> None:
 @pytest.mark.at_length(r"^(open probe|y-pattern|two|x-pattern)")
 def test_shot_by_shot(name: str) -> None:
     """One shot tells nothing, and what cannot be told has no std at any number of shots."""
-    told = growing(PLANS[name])
+    told = growing(PLANS[name]())
     assert [one.problem.shots for one in told] == list(range(1, len(told) + 1))
     assert set(statuses(told[0]).values()) == {"unidentifiable"}
     assert told[0].p_value is None
@@ -140,7 +141,7 @@ def test_more_shots_never_tell_less() -> None:
 
 def test_without_enough_numbers_the_scale_is_not_known() -> None:
     """Four shots are as many numbers as unknowns: no std follows from misses that are always met."""
-    estimated = growing(PLANS["estimated scale"])
+    estimated = growing(PLANS["estimated scale"]())
     assert set(statuses(estimated[3]).values()) == {"unidentifiable"}
     assert {"identified", "assumed"} & set(statuses(estimated[4]).values())
     known = growing(good_plan(8))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, plan_of, random_robot
 
@@ -10,6 +12,13 @@ from zerobeam.model.likelihood.problem import Problem
 TARGETS = {"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [800, 100, 200], "sigma_mm": 500.0}}
 
 
+KINDS = [
+    *("laser", "two targets, open laser", "b not measured yet", "a held", "prismatic, open probe", "links"),
+    *("separate noise", "all targets held"),
+]
+
+
+@functools.cache
 def fit_problems() -> dict[str, Problem]:
     postures = good_plan(8).postures
     robot, slide = random_robot("rprrr", 4), header(OPEN_PROBE, noise={"joint_mm": 0.02})

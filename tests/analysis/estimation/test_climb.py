@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from cells import good_plan, header, plan_of
-from fit_problems import fit_problems
+from fit_problems import KINDS, fit_problems
 
 from zerobeam.analysis.estimation.climb import Climb, compiled_climb
 from zerobeam.analysis.estimation.coordinates import flange_coordinates
@@ -16,8 +16,7 @@ from zerobeam.model.likelihood.problem import Problem
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
 
 
-PROBLEMS = fit_problems()
-PLAIN = [case for case in PROBLEMS if case not in ("separate noise", "all targets held")]
+PLAIN = [case for case in KINDS if case not in ("separate noise", "all targets held")]
 
 
 def climbs(problem, sets, rows=5, seed=1):
@@ -40,7 +39,7 @@ def climbs(problem, sets, rows=5, seed=1):
 @pytest.mark.parametrize("sets", [1, 4])
 @pytest.mark.at_length(r"^1-prismatic")
 def test_the_same_slopes(case, sets):
-    one, two, x = climbs(PROBLEMS[case], sets)
+    one, two, x = climbs(fit_problems()[case], sets)
     v = one.coordinates.from_parameters(x, one.of)
     every = np.arange(len(v))
     result, expected = one._compiled.slopes(v, one.of), two._model(v, every)
@@ -57,7 +56,7 @@ def test_the_same_slopes(case, sets):
 @needs_compiler
 @pytest.mark.parametrize("case", PLAIN)
 def test_the_same_way_up(case):
-    one, two, x = climbs(PROBLEMS[case], 4)
+    one, two, x = climbs(fit_problems()[case], 4)
     v = one.coordinates.from_parameters(x, one.of)
     v[1] = np.nan
     inputs = v.copy()
@@ -76,7 +75,7 @@ def test_the_same_way_up(case):
 
 @needs_compiler
 def test_too_few_steps_are_said():
-    one, two, x = climbs(PROBLEMS["two targets, open laser"], 1)
+    one, two, x = climbs(fit_problems()["two targets, open laser"], 1)
     v = one.coordinates.from_parameters(x, one.of)
     result, expected = one.up(v, 1), two.up(v, 1)
     assert result.reason == expected.reason == ["no convergence in 1 iterations"] * 5
@@ -95,7 +94,7 @@ def test_what_is_not_plain_climbs_in_python(scale):
 
 
 def test_without_compiled_kernels_it_climbs_in_python():
-    density = Density(PROBLEMS["laser"])
+    density = Density(fit_problems()["laser"])
     assert compiled_climb(density, flange_coordinates(density), compile=False) is None
 
 
@@ -105,7 +104,7 @@ def test_without_compiled_kernels_it_climbs_in_python():
 @pytest.mark.one_in(3)
 def test_the_same_top(case, steps):
     """Newton's steps from the mode, and after a climb of one step: there some rows end in Python."""
-    one, two, x = climbs(PROBLEMS[case], 4, rows=20)
+    one, two, x = climbs(fit_problems()[case], 4, rows=20)
     v = one.coordinates.from_parameters(x, one.of)
     v[1] = np.nan
     result = two.up(v, steps)

@@ -405,7 +405,7 @@ def same_verdict(first, second, lengths=1.0):
     assert verdict(problem_a, a) == verdict(problem_b, b)
 
 
-CASES = list(plans())
+CASES = ["good", "x", "x aside"]
 
 
 @pytest.mark.parametrize("case", CASES)

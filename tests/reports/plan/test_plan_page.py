@@ -229,10 +229,10 @@ def test_many_postures_are_all_in_the_scene_and_the_first_on_paper() -> None:
 
 
 @pytest.mark.parametrize(
-    "plan", [good_plan(), pattern_plan("x"), hostile_plan()], ids=["good", "x", "hostile"]
+    "plan", [good_plan, lambda: pattern_plan("x"), hostile_plan], ids=["good", "x", "hostile"]
 )
-def test_it_fetches_nothing_and_runs_one_script(plan: Plan) -> None:
-    text, _ = made(plan)
+def test_it_fetches_nothing_and_runs_one_script(plan: Callable[[], Plan]) -> None:
+    text, _ = made(plan())
     page = Page(text)
     text.encode()
     assert_fetches_nothing(page)
@@ -301,8 +301,9 @@ def test_the_page_is_written_and_replaces_only_a_page_of_its_kind(tmp_path: Path
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("plan", [good_plan(), hostile_plan()], ids=["good", "hostile"])
-def test_chromium_draws_it_without_a_word_on_its_console(plan: Plan, tmp_path: Path) -> None:
+@pytest.mark.parametrize("cell", [good_plan, hostile_plan], ids=["good", "hostile"])
+def test_chromium_draws_it_without_a_word_on_its_console(cell: Callable[[], Plan], tmp_path: Path) -> None:
+    plan = cell()
     file = tmp_path / "plan.html"
     file.write_text(made(plan)[0], encoding="utf-8")
     with chromium().opened(file) as tab:
