@@ -168,6 +168,7 @@ def counted_as_by_the_pendant(tab: Tab, folder: Path) -> None:
     assert ["postures_deg / 0 / J3", "7.25", "4.939"] in rows
 
 
+@pytest.mark.long
 def test_a_plan_is_compared_exported_and_counted_as_by_the_pendant(
     tab: Tab, folder: Path, tmp_path: Path
 ) -> None:

@@ -98,6 +98,7 @@ def test_the_installed_command_answers(tmp_path: Path) -> None:
     assert "there is no such file" in told.refused()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("file", "status", "verdict"), [(GOOD, 0, "pass"), (X_PATTERN, 1, "degenerate")])
 def test_analyse_ends_with_its_verdict(file: Path, status: int, verdict: str) -> None:
     told = zerobeam("analyse", file, "--json", "--seed", "5", *FEW)
@@ -253,6 +254,7 @@ def test_a_small_study_from_beginning_to_end(tmp_path: Path) -> None:
     assert len(told.json["plans"]) >= 3
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("name", "status", "verdict"), [("good", 0, "pass"), ("x", 1, "degenerate")])
 def test_check_ends_with_its_verdict(plans: dict[str, Path], name: str, status: int, verdict: str) -> None:
     told = zerobeam("check", plans[name], "--json")
@@ -291,6 +293,7 @@ def test_report_prints_the_json_that_it_wrote(tmp_path: Path) -> None:
     assert told.json == json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.long
 def test_run_records_a_plan_that_can_be_analysed(tmp_path: Path, plans: dict[str, Path]) -> None:
     file = tmp_path / "run.jsonl"
     told = zerobeam("run", plans["good"], "-o", file, "--seed", "3")

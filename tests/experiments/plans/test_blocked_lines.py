@@ -252,6 +252,7 @@ def test_the_plan_of_a_new_calibration_has_free_beams(arm: str) -> None:
         plan_is_free(proposed(arm, place, candidates=1000, shots=12, tolerance=None))
 
 
+@pytest.mark.long
 def test_a_check_answers_what_is_in_the_way(tmp_path: Path) -> None:
     answer = zerobeam("check", edited(tmp_path), "--json")
     assert answer.status == 1

@@ -261,6 +261,7 @@ def test_a_probe_has_no_beam(tmp_path: Path) -> None:
         read_plan(path)
 
 
+@pytest.mark.long
 def test_arrays_state_constraints_too(refused: Any) -> None:
     import zerobeam as zb
 

@@ -293,7 +293,7 @@ def test_repeats_lower_the_risk() -> None:
 
 
 @pytest.mark.parametrize("arm", range(4))
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 def test_repeats_that_are_elsewhere_are_said_before_any_noise(arm: int) -> None:
     """Readings of both repeats, or of one, 5 mm off: that they disagree is said first, and nothing that is
     wrong all along is called its cause."""

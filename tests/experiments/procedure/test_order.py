@@ -115,6 +115,7 @@ def test_it_ends_where_the_next_measurement_gains_too_little(
     assert order.reason.startswith("the next measurement lowers U by") == ends
 
 
+@pytest.mark.long
 def test_it_ends_where_the_robot_is_as_accurate_as_required(tmp_path: Path) -> None:
     for mm, ends in ((50.0, True), (0.001, False)):
         made = good_plan(8, required={"tcp_mm": mm})

@@ -108,6 +108,7 @@ def apart(one: tuple[Matrix, Matrix], other: tuple[Matrix, Matrix]) -> float:
     return float(difference @ np.linalg.solve(one[1] + other[1], difference))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_quick")
 def test_the_controller_gives_the_offsets_that_the_cell_gives(folder: Path, tmp_path: Path) -> None:
     """Each difference within what has a chance of 1e-4; those of another truth are told apart."""

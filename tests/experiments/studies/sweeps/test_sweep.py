@@ -257,6 +257,7 @@ beside:
 """
 
 
+@pytest.mark.long
 def test_y_patterns_by_where_their_line_lies(tmp_path: Path) -> None:
     """A wide one is better; without width, and of an X-Pattern, δ2 has no number; an optimal plan is best."""
     answer = sweep(study_of_text(tmp_path, GEOMETRY, 0), Engine(0, silent, processes=1))
