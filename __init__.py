@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from .face.analysed import Analysed, analyse
     from .face.compared import ComparedRuns, compare
     from .face.pictures import Figure, SceneView
-    from .face.planned import CheckedPlan, OptimalPlan, check, optimal_plan
-    from .face.shown_profiles import Contour, Profile
-    from .face.simulated import simulate
+    from .face.planned import CheckedPlan, OptimalPlan, check, optimal_plan, simulate
+    from .face.shown_posterior import Contour, Profile
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
     from .model.files.from_arrays import Laser, Noise, Probe
     from .model.files.plan import Plan, read_plan
@@ -70,7 +69,7 @@ _HOME = {
     "Check": "analysis.observability.check",
     "CheckedPlan": "face.planned",
     "ComparedRuns": "face.compared",
-    "Contour": "face.shown_profiles",
+    "Contour": "face.shown_posterior",
     "Covariance": "analysis.covariance",
     "Draws": "analysis.posterior.posterior",
     "Figure": "face.pictures",
@@ -80,7 +79,7 @@ _HOME = {
     "OptimalPlan": "face.planned",
     "Plan": "model.files.plan",
     "Probe": "model.files.from_arrays",
-    "Profile": "face.shown_profiles",
+    "Profile": "face.shown_posterior",
     "Result": "analysis.answer.result",
     "RigFault": "model.errors",
     "Robot": "model.kinematics.robot",
@@ -95,7 +94,7 @@ _HOME = {
     "optimal_plan": "face.planned",
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
-    "simulate": "face.simulated",
+    "simulate": "face.planned",
     "write_report": "reports.run.report",
 }
 

@@ -11,10 +11,11 @@ import numpy as np
 from ..model.arrays import Progress
 from ..model.errors import BadInput, located
 from ..model.files.run import Run
+from ..model.kernel import one_blas_thread
 from ..model.likelihood.geometry import NOMINAL
 from ..model.likelihood.parameters import Tie
 from ..model.likelihood.problem import Problem
-from .analyse_options import Sampling
+from ..model.options import Sampling
 from .answer.findings import findings
 from .answer.result import (
     AngleResult,
@@ -28,16 +29,12 @@ from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import Explanation, diagnose
 from .diagnostics.hold_out import HoldOut, hold_out, placement_result
-from .diagnostics.influence import Loss, shot_results
 from .diagnostics.null_motion import motion_of_run
-from .diagnostics.outliers import robust_result
-from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
+from .diagnostics.outliers import Loss, robust_result, shot_results
 from .diagnostics.scene_data import scene
 from .diagnostics.values_to_enter import Entered, entered
-from .estimation.effective_dof import as_small
-from .estimation.fit import start_at
+from .estimation.fit import as_small, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
-from .estimation.threads import one_blas_thread
 from .ladder import solve_run
 from .observability.better_postures import kept, usual_constraints
 from .observability.geometry_result import bases
@@ -52,6 +49,7 @@ from .posterior.posterior import (
     not_worth_sampling,
     sample_posterior,
 )
+from .prediction import PredictedRun, predict_run, require_predictable
 from .repeatability.consistency import offsets_without_prior
 from .solution import ParameterTable, Solution, require_noise_data, undecided_names
 from .status import has_numbers, versions

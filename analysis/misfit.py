@@ -38,8 +38,7 @@ from ..model.likelihood.noise import COMMON
 from ..model.likelihood.parameters import Parameter
 from ..model.likelihood.problem import Problem
 from ..model.records import key, record
-from .estimation.effective_dof import noise_dof
-from .estimation.fit import CONTRADICTED, LikelihoodFit
+from .estimation.fit import CONTRADICTED, LikelihoodFit, noise_dof
 from .left_over import Contradiction, LeftOver
 from .observability.changes import (
     Displacement,

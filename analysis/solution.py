@@ -30,8 +30,14 @@ from ..model.likelihood.parameters import Parameter
 from ..model.likelihood.problem import Problem
 from ..model.records import internal, it, record, worded
 from .covariance import Covariance, Rows, ValuesByName, frame
-from .estimation.effective_dof import effective_dof, student_half_width
-from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
+from .estimation.fit import (
+    AgainstNoise,
+    LikelihoodFit,
+    Optimum,
+    effective_dof,
+    fit_likelihood,
+    student_half_width,
+)
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, JudgedRow, LocalOptima, NullDirection, Unconverged

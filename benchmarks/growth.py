@@ -173,7 +173,7 @@ def measured(folder: Path, shots: Iterable[int], joints: Iterable[int], runs: Se
 def drawn(rows: Sequence[Spent]) -> str:
     """The figure: seconds and memory over the measurements, seconds over the joints and the runs."""
     from zerobeam.reports.style.canvas import new_figure, style, to_svg
-    from zerobeam.reports.style.palette import light
+    from zerobeam.reports.style.theme import light
 
     with style():
         figure = new_figure(5.0)

@@ -26,8 +26,8 @@ from analyse_time import BALLS, ball_run
 from threadpoolctl import threadpool_limits
 
 from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, leave_one_out, pooled
-from zerobeam.analysis.diagnostics.predicted_run import PredictedRun, predict_problem
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.prediction import PredictedRun, predict_problem
 from zerobeam.analysis.solution import Solution
 from zerobeam.model.files.header import EXACT, Header
 from zerobeam.model.files.run import Run, read_run

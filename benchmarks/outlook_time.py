@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from zerobeam.analysis.observability.outlook import COVERAGE
+from zerobeam.experiments.measuring_options import PlanOptions
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import PlanRequest, make_plan
-from zerobeam.experiments.plans.plan_options import PlanOptions
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
 

@@ -22,9 +22,9 @@ import numpy as np
 from zerobeam.analysis.observability.check import Check
 from zerobeam.analysis.observability.clearance import Clearance
 from zerobeam.analysis.status import known
+from zerobeam.experiments.measuring_options import PlanOptions
 from zerobeam.experiments.plans.make import PlanRequest, make_plan
 from zerobeam.experiments.plans.new_calibration import PLACES, new_calibration, place_of
-from zerobeam.experiments.plans.plan_options import PlanOptions
 from zerobeam.model.errors import ZerobeamError
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import built_in_robots, load_robot

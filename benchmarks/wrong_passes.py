@@ -22,11 +22,11 @@ from cells import LASER, header, irb1600
 from deviating_arms import Arms
 from plan_requests import plan_request
 
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.changes import repeats_differ
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.files.plan import Plan
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 
 TARGET = np.array([900.0, 0.0, 0.0])  # mm

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..experiments.measuring_options import RIGS, RunOptions
 from ..experiments.rigs.manual.line_sources import Lines, TypedLines, WatchedLines
-from ..experiments.run_options import RIGS, RunOptions
 from ..model.errors import BadInput, RigFault
 from ..model.options import Option
 from .console import EXIT_STATUS, OutputLost, err, json_text, say, show_answer
@@ -21,8 +21,8 @@ from .shared_options import Json, NewRunFile, PlanFile
 
 if TYPE_CHECKING:
     from ..experiments.recording import Answers, Controller
-    from ..experiments.rigs.abb.access import Caution, ControllerAccess
-    from ..experiments.sensors.text_lines import InstrumentLines
+    from ..experiments.rigs.abb.rws_client import Caution, ControllerAccess
+    from ..experiments.sensors.attached import InstrumentLines
     from ..model.files.plan import Plan
 
 
@@ -123,10 +123,9 @@ def _say_how_to_go_on(plan: Path, file: Path, options: RunOptions) -> None:
 def _live_answers(opened: ExitStack, plan: Plan, options: RunOptions, *, attended: bool) -> Answers:
     """The joints of the controller at the rig's address, taken where a line or the PSD confirms them:
     closed with `opened`. `attended`: a person reads the questions, although this is no terminal."""
-    from ..experiments.procedure.readings import most
+    from ..experiments.procedure.rig import most
     from ..experiments.recording import Answers
-    from ..experiments.rigs.live.address import open_joints
-    from ..experiments.rigs.live.at_rest import SAMPLES, CentredLines
+    from ..experiments.rigs.live.at_rest import SAMPLES, CentredLines, open_joints
     from ..experiments.sensors.attached import read_sensors
     from ..model.kinematics.pendant import pendant_of
 
@@ -178,8 +177,7 @@ def _instrument(
 
 
 def _access(options: RunOptions) -> ControllerAccess:
-    from ..experiments.rigs.abb.access import find_access
-    from ..experiments.rigs.abb.rws_client import require_extra
+    from ..experiments.rigs.abb.rws_client import find_access, require_extra
 
     require_extra()  # before anything is asked of the network
     return find_access(
@@ -189,7 +187,7 @@ def _access(options: RunOptions) -> ControllerAccess:
 
 def _caution(options: RunOptions, confirm: Callable[[str], bool]) -> Caution:
     """`confirm` asks a person before the first motion."""
-    from ..experiments.rigs.abb.access import Caution, Signal
+    from ..experiments.rigs.abb.rws_client import Caution, Signal
 
     return Caution(confirm, options.speed, options.egm_port, Signal.parse(options.laser))
 
@@ -200,7 +198,7 @@ def _controller(
     """How the controller is reached, and which sensors belong to it: closed with `opened`."""
     from ..experiments.recording import Controller
     from ..experiments.sensors.attached import read_sensors
-    from ..experiments.sensors.controller_sensors import RemoteSensors
+    from ..experiments.sensors.detectors import RemoteSensors
 
     if options.sensors is None:
         remote = RemoteSensors(access.address, options.sensor_port)

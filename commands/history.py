@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import getpass
+import os
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -15,16 +18,16 @@ from ..experiments.command_options import AddOptions, HistoryPageOptions, Model,
 from ..model.errors import BadInput, missing_extra
 from ..model.options import Option, argument
 from ..reports.style.blocks import plain_page
-from ..words.spreadsheet import csv_lines
+from ..words.wording import csv_lines
 from .console import err, print_json, print_json_pieces, progress, say, show_answer
-from .formats import Group
-from .shared_options import Force, Json
+from .shared_options import Force, Group, Json
 
 if TYPE_CHECKING:
     from ..experiments.history.arm_history import ArmHistory
     from ..experiments.history.database import Database
     from ..experiments.history.store import Damaged
     from ..experiments.history.stored_result import Entry, Event, StoredResult
+    from ..reports.history.certificate import SignatureCheck
 
 OfArm = TypeVar("OfArm", "Event", "StoredResult")
 Serial = Annotated[str, argument("Serial number of the arm.", metavar="SERIAL")]
@@ -264,7 +267,7 @@ def drift(
     as_json: Json = False,
 ) -> None:
     """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
-    from ..experiments.history.arm_drift import arm_drift
+    from ..experiments.history.arm_history import arm_drift
     from ..experiments.history.fleet_drift import DriftOfArms, drift_of_each, fleet_drift
     from ..experiments.history.store import events, find_arm, results
     from ..reports.history.history_tables import arms_drift_table, drift_blocks, fleet_blocks
@@ -292,13 +295,10 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
-    from ..experiments.history.arm_drift import arm_drift
-    from ..experiments.history.arm_history import ArmHistory
+    from ..experiments.history.arm_history import ArmHistory, arm_drift
     from ..experiments.history.store import arms, events, find_arm, message_of, results
     from ..experiments.history.stored_result import moment
     from ..model.records import to_json
-    from ..reports.history.arm_page import headline as arm_headline
-    from ..reports.history.fleet_page import headline as fleet_headline
     from ..reports.history.history_folder import (
         ARM_PAGE,
         FLEET_PAGE,
@@ -308,6 +308,7 @@ def report(
         write_arm,
         write_fleet,
     )
+    from ..reports.history.history_pages import arm_headline, fleet_headline
 
     serial, tolerance_mm, model = options.serial, options.tolerance_mm, options.model
     when = None if options.as_of is None else moment(options.as_of)
@@ -339,3 +340,179 @@ def report(
     else:
         say(f"{summary.word}. {summary.sentence}")
         say(f"Report: {folder / page}")
+
+
+VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
+_LONGEST = 1000  # bytes of a passphrase
+
+
+@histories.of_options("certify")
+def certify(
+    serial: Serial,
+    private: Annotated[Path, Option("Private key to sign with.", "--key", metavar="FILE")],
+    folder: Annotated[Path, Option("Folder for the certificate.", "-o --out")],
+    run: Annotated[str | None, Option("The run, by the beginning of its SHA-256.", metavar="SHA256")] = None,
+    date: Annotated[str | None, Option("The run, by its date or time (ISO 8601). Default: the last.")] = None,
+    verification: Annotated[
+        Path | None,
+        Option(
+            "Report of the corrected robot (zerobeam verify -o DIR): the certificate states it as left.",
+            metavar="DIR",
+        ),
+    ] = None,
+    model: Model = None,
+    db: Url = None,
+) -> None:
+    """Write a certificate of a result (JSON, HTML, PDF), each file signed."""
+    from ..experiments.history.certified import grouped, private_key, require_library
+
+    require_library()
+    with opened(db) as history:
+        from ..experiments.history.store import choose, find_arm, results, whole_answer
+        from ..reports.history.certificate import write_certificate
+
+        stored = choose(list(results(history, find_arm(history, serial, model))), run, date)
+        result = whole_answer(history, stored)
+        today = datetime.now().astimezone().date()
+        signing = private_key(private, _passphrase)
+        by = write_certificate(folder, stored, result, signing, today, verification)
+    verdict = f"verdict {stored.verdict}{', simulated' * stored.simulated}"
+    say(f"Certificate of {stored.run}, {stored.measured_at:%Y-%m-%d}, {verdict}: {folder}")
+    say(f"Signed by: {grouped(by)}")
+
+
+@histories.of_options("key")
+def key(
+    file: Annotated[Path, argument("File for the private key; the public one is FILE.pub.")],
+    passphrase: Annotated[
+        bool, Option(f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}.")
+    ] = False,
+) -> None:
+    """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
+    from ..experiments.history.certified import grouped, make_key, public_file, require_library
+
+    require_library()
+    made = make_key(file, _passphrase(twice=True) if passphrase else None)
+    if passphrase:
+        say(f"Private key, encrypted: {file}. Keep it to yourself.")
+    else:
+        say(f"Private key: {file}. Keep it to yourself: whoever can read it can sign.")
+    say(f"Public key: {public_file(file)}. Give it to whoever is to verify.")
+    say(f"Fingerprint: {grouped(made)}")
+
+
+@histories.of_options("verify")
+def verify(
+    files: Annotated[
+        list[Path],
+        argument(
+            "Signed files (the signature is beside each, FILE.sig), or folders of certificates.",
+            metavar="FILE...",
+        ),
+    ],
+    public: Annotated[Path, Option("Public key of the signer (.pub).", "--key", metavar="FILE")],
+    db: Annotated[
+        str | None,
+        Option("A history (SQLite file or URL): does it still hold the certified results?", metavar="URL"),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Check the signatures of certificates, whether the files of each state one result, and with --db whether
+    the history still holds it."""
+    from ..experiments.history.certified import (
+        fingerprint,
+        grouped,
+        public_key,
+        read_signed,
+        require_library,
+        why_not_signed,
+    )
+    from ..model.records import to_json
+    from ..reports.history.certificate import SignatureChecks, files_of_certificate
+
+    require_library()
+    by = public_key(public)
+    read = {file: read_signed(file) for path in files for file in files_of_certificate(path)}
+    checks = [_verdict(file, why_not_signed(*signed, by)) for file, signed in read.items()]
+    signed = {
+        file: content for (file, (content, _)), row in zip(read.items(), checks, strict=True) if row.valid
+    }
+    checks += _of_one_result(signed)
+    if db is not None:
+        checks += _against_history(db, list(read), signed)
+    if as_json:
+        print_json(to_json(SignatureChecks(fingerprint=fingerprint(by), checks=tuple(checks))))
+    else:
+        say(f"Key: {grouped(fingerprint(by))}")
+        for row in checks:
+            words = f"NOT VALID: {row.reason}" if not row.valid else "valid"
+            say(f"{row.file}, {row.check}: {words}")
+    raise typer.Exit(0 if all(row.valid for row in checks) else 1)
+
+
+def _verdict(
+    file: Path, reason: str | None, check: Literal["signature", "certificate", "history"] = "signature"
+) -> SignatureCheck:
+    from ..reports.history.certificate import SignatureCheck
+
+    return SignatureCheck(file=str(file), check=check, valid=reason is None, reason=reason)
+
+
+def _of_one_result(signed: dict[Path, bytes]) -> list[SignatureCheck]:
+    """Of each file beside a certificate.json whether it is of that certificate."""
+    from ..reports.history.certificate import JSON, read_certificate, why_not_of_certificate
+
+    beside = {
+        file.parent: read_certificate(content, file) for file, content in signed.items() if file.name == JSON
+    }
+    return [
+        _verdict(file, why_not_of_certificate(beside[file.parent], file.name, content), "certificate")
+        for file, content in signed.items()
+        if file.parent in beside and file.name != JSON
+    ]
+
+
+def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[SignatureCheck]:
+    """Of each certificate.json whether the history agrees; what is not signed is not asked about."""
+    from ..reports.history.certificate import read_certificate, why_history_differs
+
+    if not any(file.suffix == ".json" for file in files):
+        raise BadInput(
+            "none of the files can be held against a history",
+            found=", ".join(map(str, files)),
+            allowed="a certificate.json among them",
+        )
+    with opened(db) as history:
+        return [
+            _verdict(file, why_history_differs(history, read_certificate(content, file)), "history")
+            for file, content in signed.items()
+            if file.suffix == ".json"
+        ]
+
+
+def _passphrase(*, twice: bool = False) -> str:
+    """From the environment, or asked for on the terminal."""
+    passphrase = os.environ.get(VARIABLE)
+    if passphrase is None:
+        if not sys.stdin.isatty():
+            raise BadInput(
+                "the private key needs its passphrase, and there is no terminal to ask for it",
+                remedy=f"state it in the environment variable {VARIABLE}",
+            )
+        passphrase = _typed("Passphrase of the private key: ")
+        if twice and _typed("Again: ") != passphrase:
+            raise BadInput("the two passphrases differ", remedy="the same command asks again")
+    if not 0 < len(passphrase.encode()) <= _LONGEST:
+        raise BadInput(
+            "the passphrase cannot be used",
+            found=f"{len(passphrase.encode())} bytes",
+            allowed=f"1 to {_LONGEST} bytes",
+        )
+    return passphrase
+
+
+def _typed(question: str) -> str:
+    try:
+        return getpass.getpass(question)
+    except EOFError:  # Ctrl-D
+        return ""

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..analysis.analyse_options import AnalyseOptions
 from ..experiments.command_options import BatchSettings, CompareOptions
 from ..experiments.demos import demo_runs
 from ..model.errors import BadInput, WorkersLost
-from ..model.options import Option, argument
+from ..model.options import AnalyseOptions, Option, argument
 from .console import EXIT_STATUS, FAULT, err, out, print_json, progress, say, show_answer
 from .shared_options import Cluster, Full, Json, Picture, PlanFile, RunFile
 
@@ -143,8 +142,8 @@ def compare(
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
+    from ..reports.comparison_page import COMPARISON, comparison_page, write_comparison
     from ..reports.output.whole_folder import check_target
-    from ..reports.repeatability.comparison_page import COMPARISON, comparison_page, write_comparison
 
     if folder is not None:
         check_target(folder, COMPARISON)

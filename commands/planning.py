@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NoReturn
 import typer
 
 from ..experiments.command_options import VerifyOptions
-from ..experiments.plans.plan_options import PlanOptions
+from ..experiments.measuring_options import PlanOptions
 from ..model.errors import BadInput
 from ..model.options import Option, argument, options_of
 from .console import progress, show_answer
@@ -54,7 +54,7 @@ def plan(
         )
     _require_of_kind(context, kind, options)
     from ..experiments.plans.make import PlanRequest, make_plan
-    from ..model.files.header_file import read_header
+    from ..model.files.measurements import read_header
     from ..model.files.plan import is_plan, read_plan
     from ..model.files.robot_file import robot_path
     from ..model.files.run import header_of_run
@@ -113,10 +113,10 @@ def verify(
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
     from ..experiments.acceptance_files import accepted
     from ..model.records import to_json
-    from ..reports.acceptance.acceptance_page import acceptance_page
+    from ..reports.acceptance_page import acceptance_page
 
     if folder is not None:
-        from ..reports.acceptance.acceptance_page import ACCEPTANCE, write_acceptance_report
+        from ..reports.acceptance_page import ACCEPTANCE, write_acceptance_report
         from ..reports.output.whole_folder import check_target
 
         check_target(folder, ACCEPTANCE)
@@ -134,7 +134,7 @@ def _plan_verify(
     """Write the plan of the acceptance test, and say what it would notice."""
     from ..experiments.acceptance_files import write_acceptance_plan
     from ..model.records import to_json
-    from ..reports.acceptance.acceptance_page import acceptance_plan_page
+    from ..reports.acceptance_page import acceptance_plan_page
 
     made = write_acceptance_plan(run, file, shots, _enough(tolerance), force=force)
     show_answer(as_json, to_json(made), lambda: acceptance_plan_page(made, made.vendor), plan=file)

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..experiments.positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
+from ..experiments.command_options import BackupOptions, ReachOptions, ZeroOptions
 from ..model.options import Option, argument
 from ..words.controllers import POSITIONS
 from .console import out as console
 from .console import say, show_answer
-from .formats import Group
-from .shared_options import Json
+from .shared_options import Group, Json
 
 if TYPE_CHECKING:
     from ..experiments.positions.conversion import Conversion
@@ -34,7 +33,7 @@ NewFolder = Annotated[Path, Option("Folder for the converted files, empty or new
 def show(backup: BackupPath, *, as_json: Json = False) -> None:
     """What is found in a backup: positions, tools, frames, computed targets. Nothing is converted."""
     from ..experiments.converted_programs import shown_programs
-    from ..reports.positions.positions_page import positions_page
+    from ..reports.positions_page import positions_page
 
     answer = shown_programs(backup)
     typed = replace(answer, backup=backup.as_posix())  # so that the printed command works in this folder
@@ -84,7 +83,7 @@ def restore(
     folder: Annotated[Path, argument("Folder of a conversion, with its audit.json.")], out: NewFolder
 ) -> None:
     """The old files of a conversion, byte by byte, into another folder."""
-    from ..experiments.positions.audit import restored
+    from ..experiments.converted_programs import restored
     from ..model.errors import BadInput
     from ..model.files.whole_file import refuse_existing, write_whole
 
@@ -100,14 +99,14 @@ def restore(
 
 
 def _show(answer: "Conversion", as_json: bool) -> None:
-    from ..reports.positions.positions_page import positions_page
+    from ..reports.positions_page import positions_page
 
     show_answer(as_json, answer, lambda: positions_page(answer).brief)
 
 
 def _write(answer: "Conversion", folder: Path, as_json: bool) -> None:
     """Show the answer, and write it where all of it is converted; exit status 1 where not."""
-    from ..reports.positions.positions_page import write_conversion
+    from ..reports.positions_page import write_conversion
     from ..words.wording import counted
 
     if not answer.converted:

@@ -7,9 +7,13 @@ import functools
 import sys
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
 from importlib.metadata import version as installed
+from threading import RLock
+from types import ModuleType
 from typing import Annotated, Any
 
 import typer
@@ -18,8 +22,52 @@ from typer.core import TyperGroup
 from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, plain, say
-from .formats import with_options
-from .late_imports import when_used
+from .shared_options import with_options
+
+
+class _Late(ModuleType):
+    """Stands in for a module, and passes on what is asked of it once it is `made`."""
+
+    def __getattr__(self, name: str) -> Any:
+        if "made" not in self.__dict__:
+            raise AttributeError(name)
+        return getattr(_late.real(self), name)
+
+
+class _LateModules(MetaPathFinder, Loader):
+    def __init__(self) -> None:
+        self.names: set[str] = set()
+        self._one_at_a_time = RLock()
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        return ModuleSpec(fullname, self) if fullname in self.names else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        return _Late(spec.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__dict__["made"] = True
+
+    def real(self, late: _Late) -> ModuleType:
+        """The module that `late` stands in for."""
+        with self._one_at_a_time:
+            self.names.discard(late.__name__)
+            if sys.modules.get(late.__name__) is late:
+                del sys.modules[late.__name__]
+            return import_module(late.__name__)
+
+
+_late = _LateModules()
+
+
+def when_used(*names: str) -> None:
+    """From now on these modules come when they are used."""
+    _late.names.update(names)
+    if _late not in sys.meta_path:
+        sys.meta_path.insert(0, _late)
+
 
 # Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EFBIG, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -63,11 +111,11 @@ _COMMANDS = {
     "schema": "judging",
 }
 _GROUPS: dict[str, Callable[[], typer.Typer]] = {
-    "import": lambda: _loaded("importing").imports(),
+    "import": lambda: _loaded("exchange").imports(),
     "study": lambda: _loaded("studying").studies,
-    "export": lambda: _loaded("exporting").exports(),
+    "export": lambda: _loaded("exchange").exports(),
     "positions": lambda: _loaded("positions").positions,
-    "history": lambda: _loaded("certificates").histories,  # the last of the modules of this group
+    "history": lambda: _loaded("history").histories,
 }
 
 

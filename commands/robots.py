@@ -118,7 +118,7 @@ def robot(
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
     arm = typed_arm(ref, joints or [], units=units, j3=j3, poses=pose or [], angles=angles)
     if picture is not None:
-        from ..reports.scenes.turnable import write_arm_page
+        from ..reports.scene import write_arm_page
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
     show_answer(as_json, to_json(arm), lambda: robot_page(arm), picture=picture)

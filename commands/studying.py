@@ -13,8 +13,7 @@ from ..model.errors import WorkersLost
 from ..model.options import Option, Seed, argument, arguments, options_of
 from ..model.parsing.reading import real_path
 from .console import err, progress, say, show_answer
-from .formats import with_options
-from .shared_options import Cluster, Json
+from .shared_options import Cluster, Json, with_options
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
@@ -41,7 +40,7 @@ def _carry_out(
     """
     from ..experiments.studies.cases import Engine, any_kept
     from ..reports.output.whole_folder import check_target
-    from ..reports.studies.kinds import study_kind, study_page, write_study
+    from ..reports.studies.study_pages import study_kind, study_page, write_study
 
     work, study = cluster.opened(), settings()
     store = Path(f"{real_path(folder)}.cases.jsonl")

@@ -15,7 +15,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from zerobeam.app.server.end_points import description
+from zerobeam.app.server.routes import description
 from zerobeam.experiments.schema import FILE_SCHEMAS, json_schema
 
 PAGES = [

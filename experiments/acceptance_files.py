@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 
-from ..analysis.acceptance.acceptance import (
+from ..analysis.acceptance import (
     POWER,
     AcceptancePlan,
     AcceptancePrediction,
@@ -19,10 +19,8 @@ from ..analysis.acceptance.acceptance import (
     choose,
     measured_error,
 )
-from ..analysis.diagnostics.predicted_run import recorded_problem
 from ..analysis.diagnostics.values_to_enter import Conformity, judged, values_to_enter
-from ..analysis.estimation.threads import one_blas_thread
-from ..analysis.prediction import Predictor
+from ..analysis.prediction import Predictor, recorded_problem
 from ..analysis.solution import Solution
 from ..model.arrays import Mask
 from ..model.errors import BadInput, located
@@ -32,6 +30,7 @@ from ..model.files.robot_file import rebased, robot_path
 from ..model.files.run import Run, read_run
 from ..model.files.whole_file import refuse_existing
 from ..model.instruments.kind import POINT, Instrument
+from ..model.kernel import one_blas_thread
 from ..model.kinematics.robot import arm_difference
 from ..model.likelihood.problem import Problem, by_posture
 from ..model.records import internal, it, record

@@ -21,8 +21,7 @@ from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
 from ..model.kinematics.robot import J3, JointKind, PendantUnit, Robot
 from ..model.records import inline, internal, it, key, record
 from ..words.wording import counted
-from .makers.joint_text import typed_joints
-from .makers.pose_text import typed_poses
+from .makers.joint_text import typed_joints, typed_poses
 
 
 @record(eq=False)

@@ -21,7 +21,7 @@ from ..model.kinematics.robot import Robot
 from ..model.parsing.reading import real_path
 from ..model.records import it, key, record
 from .command_options import BatchSettings
-from .source import source_hash
+from .processes import source_hash
 
 Outcome = Verdict | Literal["failed"]
 # The gravest first.

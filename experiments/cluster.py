@@ -29,8 +29,7 @@ from typing import Any
 from ..analysis.status import versions
 from ..interruption import obey
 from ..model.errors import BadInput, WorkersLost, missing_extra
-from .processes import AHEAD, Answer, Job, carried_out_by, interruptions_put_off, worked
-from .source import source_hash
+from .processes import AHEAD, Answer, Job, carried_out_by, interruptions_put_off, source_hash, worked
 
 _MOST_LOST = 20  # workers that one piece may take along before it is taken for the reason
 _SLOW, _SLOW_S = 4.0, 5.0  # times the median of the others, and at least: given to a second worker

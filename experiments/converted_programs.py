@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -17,8 +18,12 @@ from ..model.files.run import Run, read_run
 from ..model.kinematics.orientation import stated_numbers
 from ..model.kinematics.pendant import Pendant, pendant_of, require_link_encoder
 from ..model.kinematics.robot import Robot
+from ..model.parsing.confinement import require_within
+from ..model.parsing.reading import read_bytes
+from ..model.records import read
 from ..words.provenance import is_simulated
 from ..words.wording import listed
+from .command_options import BackupOptions, ReachOptions, ZeroOptions
 from .makers.abb.moc_offsets import Gears, reading_change
 from .makers.calibration import NotValidated, RobotCalibration, calibration, require_nominal_arm
 from .makers.fanuc.backup import count_change
@@ -26,12 +31,150 @@ from .makers.kuka.machine_data import mames_change
 from .makers.maker import require_vendor, vendor_of
 from .makers.universal_robots.kinematics import require_factory_arm
 from .positions.arm_change import ArmChange, kept, reached, up_to_flange
-from .positions.audit import require_not_converted
-from .positions.conversion import Conversion, EnteredJoint, StatedFrames, converted_backup, shown_backup
-from .positions.entered_zeros import require_zeros, typed_zeros
+from .positions.conversion import (
+    POSITIONS_SCHEMA,
+    Conversion,
+    EnteredJoint,
+    StatedFrames,
+    TextEdit,
+    converted_backup,
+    positions_sha256,
+    shown_backup,
+)
 from .positions.position import PositionLanguage, What
-from .positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
-from .positions.program_backup import Backup, read_backup
+from .positions.program_backup import AUDIT, Backup, read_backup
+
+
+def read_audit(path: Path) -> Conversion:
+    """The audit.json of a conversion. BadInput where it is damaged: what was converted is not known then."""
+    try:
+        return read(Conversion, read_bytes(path))
+    except ValueError as error:
+        raise BadInput(
+            "this is no audit of a conversion, or not all of it",
+            found=str(error),
+            allowed=f"{AUDIT} as positions keep or reach wrote it",
+            remedy="copy it again from where it is whole; without it take the old files from the backup that"
+            " was converted. Move it elsewhere only if no file here was converted",
+            file=path,
+        ) from None
+
+
+def require_not_converted(backup: Backup, *folders: Path) -> None:
+    """BadInput where a file of the backup, or all of its positions, are those that a conversion has written
+    whose audit is in one of the folders, or in a folder beside."""
+    by_file = {
+        name: positions_sha256([one for one in backup.reading.positions if one.file.name == name])
+        for name in {one.file.name for one in backup.reading.positions}
+    }
+    hashes = {hashlib.sha256(each).hexdigest(): name for name, each in backup.content.items()}
+    for path in _audits(*folders):
+        audit = read_audit(path)
+        for one in audit.files:
+            name = hashes.get(one.new_sha256) or next(
+                (name for name, each in by_file.items() if each == one.positions_sha256), None
+            )
+            if name is not None:
+                raise BadInput(
+                    "this backup was converted before: its positions would move a second time",
+                    found=f"{name}, as {path} says ({audit.command}, {audit.source})",
+                    allowed="the backup as it was before",
+                    remedy=f"zerobeam positions restore {path.parent} -o FOLDER puts it back",
+                    file=backup.path,
+                )
+
+
+def _audits(*folders: Path) -> Iterator[Path]:
+    looked = {folder.resolve() for folder in folders if folder.is_dir()}
+    for folder in sorted(looked):
+        beside = [each for each in folder.iterdir() if each.is_dir() and each.name[0] != "."]
+        for each_folder in [folder, *sorted(beside)]:  # hidden: one that is just being written
+            path = each_folder / AUDIT
+            if path.is_file() and POSITIONS_SCHEMA.encode() in path.read_bytes()[:200]:
+                yield path
+
+
+def restored(folder: Path) -> dict[str, bytes]:
+    """The old bytes of all files that a conversion wrote to a folder (or that of its audit.json), by their
+    paths.
+
+    BadInput where one of them is no longer as it was written.
+    """
+    require_within(folder)
+    folder = folder.parent if folder.name == AUDIT and not folder.is_dir() else folder
+    if not (folder / AUDIT).is_file():
+        raise BadInput(
+            "there is no conversion here",
+            found=f"no {AUDIT} in it" if folder.is_dir() else "no such folder",
+            allowed=f"the folder that positions keep or reach wrote, with its {AUDIT}",
+            remedy="name that folder, not the backup; or take the old files from the backup",
+            file=folder,
+        )
+    audit, content = read_audit(folder / AUDIT), {}
+    for one in audit.files:
+        new = read_bytes(folder / one.file) if (folder / one.file).is_file() else b""
+        if hashlib.sha256(new).hexdigest() != one.new_sha256:
+            raise BadInput(
+                "the file was changed after the conversion, or is missing: the old one does not follow",
+                remedy="take it from the backup that was converted",
+                file=folder / one.file,
+            )
+        old = _undone(new, one.edits)
+        if hashlib.sha256(old).hexdigest() != one.sha256:
+            raise BadInput(
+                "the audit does not give the old file",
+                found=one.file,
+                remedy="take it from the backup that was converted",
+                file=folder / AUDIT,
+            )
+        content[one.file] = old
+    return content
+
+
+def _undone(content: bytes, edits: tuple[TextEdit, ...]) -> bytes:
+    text = content.decode("latin-1")
+    for edit in edits:
+        start = edit.start
+        text = text[:start] + edit.old + text[start + len(edit.new) :]
+    return text.encode("latin-1")
+
+
+MOST_DEG = 5.0  # more is another posture, or another unit
+
+
+def typed_zeros(text: str, robot: Robot) -> Matrix:
+    """(n,) degrees (mm) of `J2=-0.265,J3=…`; joints that are not named are 0.
+
+    BadInput for a joint that is not there, or named twice, and for no zero at all.
+    """
+    values: dict[int, float] = {}
+    for part in re.split(r"[,;\s]+", text.strip()):
+        match = re.fullmatch(r"[JA]?(\d+)=([-+]?(?:\d+\.?\d*|\.\d+))", part, re.IGNORECASE)
+        number = int(match[1]) if match else 0
+        if match is None or not 1 <= number <= robot.n or number in values:
+            raise BadInput(
+                "--entered is not understood",
+                found=part,
+                allowed=f"J1=… to J{robot.n}=…, each once, in degrees (mm), as J2=-0.265,J3=0.112",
+            )
+        values[number] = float(match[2])
+    entered = np.array([values.get(i, 0.0) for i in range(1, robot.n + 1)])
+    return require_zeros(entered)
+
+
+def require_zeros(entered: Matrix) -> Matrix:
+    """BadInput where the change is none, or no change of zeros."""
+    if not entered.any():
+        raise BadInput("no zero was changed, so that no position has to be", found="0 for all joints")
+    if np.abs(entered).max() > MOST_DEG:
+        raise BadInput(
+            "these are no changes of zeros",
+            found=f"{np.abs(entered).max():g} deg (mm)",
+            allowed=f"up to {MOST_DEG:g} deg (mm): after more, the arm has to be taught again",
+            remedy="state by how much more each joint reads at the same place, in degrees (mm)",
+        )
+    return entered
+
 
 _MOST_NAMED = 6  # lines in an error
 _LINES = re.compile(r"(?P<file>.+):(?P<first>\d+)(?:-(?P<last>\d+))?")

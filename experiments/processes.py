@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import threading
@@ -9,19 +10,19 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, S
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from contextvars import ContextVar
-from functools import partial
+from functools import cache, partial
 from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 from queue import SimpleQueue
 from types import FrameType
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from ..analysis.estimation.threads import one_thread
 from ..interruption import SIGNALS
-from ..model.kernel import compiled_at_once
+from ..model.kernel import compiled_at_once, one_thread
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -156,3 +157,17 @@ def _end_with_parent(ended: Connection) -> None:
     with suppress(EOFError, OSError):
         ended.recv()
     os._exit(1)
+
+
+_ROOMS = ("analysis", "experiments", "model", "reports", "words")
+
+
+@cache
+def source_hash() -> str:
+    """SHA-256 of the sources by which results are computed and written."""
+    root, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
+    for room in _ROOMS:
+        for path in sorted((root / room).rglob("*.py")):
+            digest.update(path.relative_to(root).as_posix().encode() + b"\0")
+            digest.update(path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
+    return digest.hexdigest()

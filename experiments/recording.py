@@ -26,25 +26,22 @@ from ..words.plan_catalogue import violation_words
 from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.wording import listed
 from .acceptance_files import offsets_to_enter
+from .measuring_options import RunOptions
 from .plans.constraints import require_constraints, violations
 from .procedure.beam_ports import BeamPorts
 from .procedure.events import Ended, Listener, RunOpened
-from .procedure.order import Adaptive, InTurn, OnceMore, Order, WithRepeats
-from .procedure.ports import Ports
-from .procedure.session import Session, SessionResult
-from .rigs.abb.access import Caution, ControllerAccess
+from .procedure.session import Adaptive, InTurn, OnceMore, Order, Ports, Session, SessionResult, WithRepeats
 from .rigs.abb.driver import AbbRig
+from .rigs.abb.rws_client import Caution, ControllerAccess
 from .rigs.live.at_rest import JointsAtRest
 from .rigs.manual.hand_ports import HandPorts
 from .rigs.manual.line_sources import Lines
 from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import CellFile, read_cell
-from .rigs.simulated.rehearsal import Rehearsal
 from .rigs.simulated.simulator import SimulatedRig
-from .run_options import RunOptions
-from .sensors.controller_sensors import Sensors
-from .sensors.text_lines import InstrumentLines
-from .simulate import Truth
+from .sensors.attached import InstrumentLines
+from .sensors.detectors import Sensors
+from .simulate import Rehearsal, Truth
 
 
 @dataclass(frozen=True)

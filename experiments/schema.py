@@ -12,7 +12,7 @@ from ..analysis.repeatability.compare import Comparison
 from ..model import records
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
-from ..model.files.header_file import PlantTolerances
+from ..model.files.measurements import PlantTolerances
 from ..model.files.plan import Obstacles, PlanFile
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from ..analysis.observability.aim import aim, servo_joints
 from ..analysis.observability.predictions import GUESSED
+from ..analysis.solution import Solution
 from ..model.arrays import Matrix
 from ..model.errors import RigFault
 from ..model.files.plan import Means, Plan
 from ..model.files.shot import Shot, shot_model
 from ..model.instruments.kind import Instrument
 from ..model.likelihood.problem import Problem
+from .procedure.events import Listener
+from .procedure.session import Ports, Reading
 
 _DIGITS = {"mm": 6}  # of a reading; those without a unit, as a quaternion, have more
 _MORE_DIGITS = 12
@@ -184,3 +187,36 @@ def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generato
         aimed.problem.readings.reshape(count, shots, -1),
         met,
     )
+
+
+_STATES = 5  # times at most what is known so far is found out
+
+
+class Rehearsal(Ports):
+    """The ports and the order of the measurements of a simulated arm, with noise by `rng`."""
+
+    def __init__(self, truth: Truth, rng: np.random.Generator, told: Listener) -> None:
+        self.plan, self.problem, self.listener = truth.plan, truth.problem, told
+        # What each measurement adds is told of a tool; a fit of many other readings takes too long for that.
+        self.every = 1 if self.plan.header.only_tools else -(-len(self.plan.postures) // _STATES)
+        self._shots = simulated_shots(truth, rng)
+
+    def following(
+        self, recorded: Sequence[Shot], refused: Collection[int], state: Solution | None
+    ) -> int | None:
+        """The next that is not recorded."""
+        done = {shot.shot for shot in recorded}
+        for shot in self._shots:
+            if shot.shot not in done:
+                self._shot = shot
+                return shot.shot
+        return None
+
+    def joints(self) -> Matrix:
+        return np.array(self._shot.joints_deg)
+
+    def reading(self, number: int) -> Reading:
+        return self._shot.readings
+
+    def stop(self) -> None:
+        """Nothing moves."""

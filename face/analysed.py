@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from numpy.typing import ArrayLike, NDArray
 
 from ..analysis.analyse import Analysis
-from ..analysis.analyse_options import AnalyseOptions
 from ..analysis.covariance import ValuesByName, frame
-from ..analysis.diagnostics.influence import Loss
+from ..analysis.diagnostics.outliers import Loss
 from ..analysis.status import UNVALIDATED, caveat
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
-from ..model.options import checked_options, require_number
+from ..model.options import AnalyseOptions, checked_options, require_number
 from ..reports.run.brief_page import front_page
 from ..reports.run.parameter_section import draw_offsets, offsets_picture, offsets_table, parameter_table
 from ..reports.run.posterior_summary import draw_posterior, posterior_picture
@@ -32,12 +31,10 @@ from ..words.message import message, offered
 from ..words.sentences import to_json
 from ..words.wording import clipped, counted
 from .checked_arguments import require_axes, require_kind, require_progress
-from .in_app import AppView, app_of, write_run_beside
+from .notebook import AppView, app_of, shown_progress, write_run_beside
 from .pictures import Figure, SceneView, scene_view
-from .posterior_dataset import posterior_dataset
 from .predicted import predicted_positions, refit_run
-from .progress import shown_progress
-from .shown_profiles import Contour, Profile, require_estimated
+from .shown_posterior import Contour, Profile, posterior_dataset, require_estimated
 from .tables import ShownPage, ShownParameters, data_frame, residual_frame
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from ..analysis.repeatability.compare import Comparison
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..model.options import require_number
+from ..reports.comparison_page import comparison_page, write_comparison
 from ..reports.output.whole_folder import Written
-from ..reports.repeatability.comparison_page import comparison_page, write_comparison
 from ..reports.style.blocks import Page, Table, section_of
 from ..words.sentences import to_json
 from .tables import ShownPage

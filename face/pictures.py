@@ -13,7 +13,7 @@ from ..model.files.whole_file import refuse_existing
 from ..reports.output.html import Turnable, font_face, scene_html
 from ..reports.output.pdf import picture_bytes
 from ..reports.style.canvas import Picture
-from ..reports.style.palette import light
+from ..reports.style.theme import light
 from ..words.wording import clipped
 
 

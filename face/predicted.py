@@ -17,7 +17,7 @@ from ..analysis.status import UNVALIDATED
 from ..analysis.tcp_region import NO_EFFECT, arm_covariance, tool_point, undetermined_offsets
 from ..model.errors import BadInput
 from ..model.files.from_arrays import joint_positions
-from ..model.files.limits import joint_warnings
+from ..model.files.joint_values import joint_warnings
 from ..model.files.run import REFIT, Run
 from ..model.options import require_number
 from .checked_arguments import require_mapping, vector, whole_numbers

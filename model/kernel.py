@@ -16,11 +16,12 @@ import signal
 import stat
 import struct
 import subprocess
+import sys
 import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from pathlib import Path
@@ -29,6 +30,7 @@ from typing import Any, NoReturn
 import casadi as ca
 import numpy as np
 import platformdirs
+from threadpoolctl import ThreadpoolController
 
 from .arrays import Index, Matrix
 from .c_source import GridInput, NoSource, every, grid_source
@@ -478,3 +480,39 @@ def _compile(command: list[str], source: str, library: Path) -> None:
         built.write_bytes(data + hashlib.sha256(data).digest())
         built.chmod(0o600)
         os.replace(built, library)
+
+
+_WITH_BLAS = frozenset({"scipy.linalg", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"})
+
+_limit: int | None = None
+
+
+def threads() -> int:
+    """As many as there are cores, but one where processes work side by side."""
+    return _limit or os.cpu_count() or 1
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Within, rows are computed by one thread: the other cores have work of their own."""
+    global _limit
+    before, _limit = _limit, 1
+    try:
+        yield
+    finally:
+        _limit = before
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Within, linear algebra is done by one thread: for small matrices more cost more than they give, and
+    change the last bits. `threadpool_limits` does so too, but looks for the libraries each time (2 ms)."""
+    limited: AbstractContextManager[object] = _libraries(_WITH_BLAS.intersection(sys.modules)).limit(
+        limits=1, user_api="blas"
+    )
+    return limited
+
+
+@cache
+def _libraries(loaded: frozenset[str]) -> ThreadpoolController:
+    """Those that are there once these modules are loaded."""
+    return ThreadpoolController()

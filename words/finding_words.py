@@ -22,10 +22,10 @@ from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
-from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
 from ..analysis.misfit import ExactDoubted, LackOfFit
 from ..analysis.observability.changes import RepeatsDiffer
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
+from ..analysis.prediction import UNKNOWN, PredictedRun
 from ..analysis.status import LACK_OF_FIT, NOT_DESCRIBED
 from . import numbers
 from .misfit_words import change_words, criterion_sentence, repeats_disagree

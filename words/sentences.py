@@ -14,12 +14,12 @@ from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
-from ..analysis.diagnostics.predicted_run import PredictedRun
 from ..analysis.left_over import Contradiction
 from ..analysis.observability.causes import JudgedRow, NullDirection
 from ..analysis.observability.check import Check
 from ..analysis.pendant_check.pose_check import PendantCheck
 from ..analysis.posterior.posterior import PosteriorSummary
+from ..analysis.prediction import PredictedRun
 from ..analysis.repeatability.compare import ComparedRun, Comparison
 from ..analysis.solution import ParameterTable
 from ..analysis.tcp_region import TcpRegion
@@ -38,9 +38,9 @@ from .finding_words import (
 from .message import headline, message, next_steps, offered
 from .misfit_words import criterion_sentence, explanation_sentence
 from .observability import direction_remedy, reason, reason_of
+from .outlook_words import region_words
 from .pendant_check import check_sentences
 from .plan_catalogue import check_notes
-from .region_words import region_words
 from .trust import tolerances_of, trusted
 
 

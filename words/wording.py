@@ -7,10 +7,12 @@ report's font lacks. They are written as visible escapes.
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 import shlex
 import unicodedata
-from collections.abc import Callable, Collection, Sequence, Sized
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Sized
 from typing import Literal
 
 Namer = Callable[[str], str]  # writes the name of a parameter or target: `str` in files, `label` for people
@@ -182,3 +184,37 @@ def again_words(posture: int | None) -> str:
     """What follows the name of what is measured where it is measured in that posture once more; empty where
     it is new."""
     return "" if posture is None else f", posture {posture} again"
+
+
+Row = Mapping[str, object]
+
+_FORMULA = ("=", "+", "-", "@")  # what a cell begins with that a spreadsheet evaluates
+
+
+def csv_text(rows: Iterable[Row]) -> str:
+    """Rows with the same keys as CSV with a header; what is not known is an empty cell."""
+    return "".join(csv_lines(rows))
+
+
+def csv_lines(rows: Iterable[Row]) -> Iterator[str]:
+    """The same line by line, as the rows come."""
+    names: list[str] = []
+    for row in rows:
+        if not names:
+            names = list(row)
+            yield _line(names)
+        yield _line(row[name] for name in names)
+
+
+def _line(cells: Iterable[object]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(map(_cell, cells))
+    return out.getvalue()
+
+
+def _cell(value: object) -> object:
+    """Text on one line; an apostrophe before it keeps a spreadsheet from evaluating it. Numbers stay."""
+    if not isinstance(value, str):
+        return value
+    text = shown(value)
+    return f"'{text}" if text.lstrip().startswith(_FORMULA) else text

@@ -9,13 +9,12 @@ import numpy as np
 import scipy
 
 from ..diagnostics.hold_out import HoldOut, LeaveOneOut, fits_without, leave_one_out
-from ..diagnostics.influence import ShotResult, shot_results
-from ..diagnostics.outliers import OUTLYING, Robust
-from ..diagnostics.predicted_run import PredictedRun
+from ..diagnostics.outliers import OUTLYING, Robust, ShotResult, shot_results
 from ..left_over import holm
 from ..misfit import Criterion, ExactDoubted, exact_doubted
 from ..observability.changes import RepeatsDiffer, repeats_differ
 from ..posterior.posterior import PosteriorSummary
+from ..prediction import PredictedRun
 from ..solution import Solution, undecided_names
 from ..status import LACK_OF_FIT
 

@@ -21,10 +21,8 @@ from ..diagnostics.accuracy import TcpAccuracy
 from ..diagnostics.budget import Budget
 from ..diagnostics.diagnosis import Explanation
 from ..diagnostics.hold_out import HoldOut, PlacementResult
-from ..diagnostics.influence import ShotResult
 from ..diagnostics.null_motion import NullSpaceMotion
-from ..diagnostics.outliers import Robust
-from ..diagnostics.predicted_run import PredictedRun
+from ..diagnostics.outliers import Robust, ShotResult
 from ..diagnostics.scene_data import RunScene
 from ..diagnostics.values_to_enter import Conformity, Entered
 from ..estimation.midpoint import MidpointFit
@@ -34,6 +32,7 @@ from ..observability.identifiability import Identifiability
 from ..observability.outlook import Outlook
 from ..observability.power import DetectionPower
 from ..posterior.posterior import Intervals, PosteriorSummary
+from ..prediction import PredictedRun
 from ..solution import ParameterResult, ParameterTable
 from ..status import UNVALIDATED, Status, Verdict, as_grave, has_numbers, verdict_of
 from ..tcp_region import TcpRegion

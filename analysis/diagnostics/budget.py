@@ -21,7 +21,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.likelihood.parameters import Distance
 from ...model.records import internal, it, record
-from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
+from ..estimation.fit import effective_dof, gains, log_scales, noise_dof
 from ..posterior.convergence import Ends
 from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution

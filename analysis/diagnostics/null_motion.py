@@ -14,9 +14,9 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
+from ...model.kernel import one_blas_thread
 from ...model.likelihood.problem import Problem
 from ...model.records import it, record
-from ..estimation.threads import one_blas_thread
 from ..observability.aim import aim, servo_joints
 from ..observability.causes import NullDirection, worst_direction
 from ..observability.check import Check, measured_shots

@@ -16,9 +16,9 @@ import numpy as np
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.plan import Plan
 from ...model.instruments.kind import Target, TargetEntry
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
-from ..estimation.threads import one_blas_thread
 
 _ITERATIONS = 60
 _LARGEST_STEP = 0.2  # rad (or as a share of a metre for prismatic joints): keeps Newton's steps local

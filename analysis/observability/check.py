@@ -11,11 +11,11 @@ import numpy as np
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
 from ..covariance import Rows, frame
-from ..estimation.threads import one_blas_thread
 from ..status import Status, Verdict, has_numbers, verdict_of, versions
 from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan

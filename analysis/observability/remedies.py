@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
-from ..estimation.threads import one_blas_thread
 from ..status import Status
 from .aim import aim, servo_joints
 from .causes import (

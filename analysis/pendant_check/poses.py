@@ -22,8 +22,7 @@ from ...model.kinematics.orientation import (
     from_xyz,
     from_zyz,
 )
-from ...model.kinematics.robot import J3, Joint, Robot
-from ...model.kinematics.transforms import rotation_about, shift
+from ...model.kinematics.robot import J3, Joint, Robot, rotation_about, shift
 
 _SHIFTS = ("x", "y", "z")
 _TURNS = ("z", "y", "x")  # roll, pitch, yaw from the left

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from ...model.arrays import Matrix, ShareDone
 from ...model.errors import UnsoundResult
+from ...model.kernel import threads
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...model.records import internal, it, record, worded
-from ..estimation.threads import threads
 from ..solution import Solution, undecided_names
 from ..status import Status, has_numbers, require_no_more_than
 from .convergence import Ends, MarginalT, Weights, error_of_mean, weighted_ends

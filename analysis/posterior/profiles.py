@@ -25,8 +25,7 @@ from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ..estimation.climb import Climb
 from ..estimation.coordinates import FlangeCoordinates
-from ..estimation.effective_dof import student_half_width
-from ..estimation.fit import LikelihoodFit
+from ..estimation.fit import LikelihoodFit, student_half_width
 from ..solution import Solution, require_level
 from ..status import Status, has_numbers, require_no_more_than
 

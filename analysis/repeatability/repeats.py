@@ -23,13 +23,13 @@ from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput, located
 from ...model.files.header import WHEN_KEYS, Header, require_one_arm, stated_by
 from ...model.files.run import Run, read_run
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.robot import Robot, arm_difference
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import LARGEST_RECORDING, parse_json, read_bytes, read_text, shown
 from ...model.parsing.validation import LARGEST, SMALLEST
 from ..answer.findings import FileWarning, OtherBasins
 from ..answer.result import RESULT_SCHEMA, Result, parse_result
-from ..estimation.threads import one_blas_thread
 from ..ladder import solve_run
 from ..misfit import Criterion, LackOfFit
 from ..observability.causes import Cause

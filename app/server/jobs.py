@@ -18,7 +18,7 @@ from starlette.exceptions import HTTPException
 
 from ...analysis.answer.answer_message import Action
 from ...analysis.answer.result import parse_result
-from ...experiments.rigs.abb.access import PASSWORD
+from ...experiments.rigs.abb.rws_client import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.parsing.confinement import WITHIN
@@ -26,8 +26,8 @@ from ...model.records import it, record, to_json
 from ...words.numbers import TimeLeft
 from .answers.actions import action_of_result
 from .answers.results import first_page
-from .folder import Folder
-from .started_runs import StartedRuns, run_file
+from .index import Folder
+from .job_commands import StartedRuns, run_file
 
 AT_ONCE = 2  # jobs under way; others wait
 MOST_JOBS = 50  # kept; the oldest that have ended are forgotten

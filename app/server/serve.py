@@ -34,9 +34,9 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from ...model.errors import BadInput, ZerobeamError
 from ...model.records import to_json
 from ...reports.output.html import TEMPLATES, sheet
-from ...reports.style import typeface
-from .folder import Folder
+from ...reports.style import theme
 from .guard import Access, Guard, page_policy, refusal
+from .index import Folder
 from .requests import error_answer
 from .versions import Conflict, ConflictAnswer, etag, matches, version_of_bytes
 
@@ -82,7 +82,7 @@ class PageFiles:
 def page_files() -> dict[str, bytes]:
     """What the page consists of, by its name below /page.
 
-    Its own files, with all style sheets in one; of the reports the typeface, the style sheet and how arms
+    Its own files, with all style sheets in one; of the reports the theme, the style sheet and how arms
     and instruments are drawn. The head names every module that is loaded at first.
     """
     files = {
@@ -90,7 +90,7 @@ def page_files() -> dict[str, bytes]:
         for path in _PAGE.rglob("*")
         if path.is_file() and path.suffix in _TYPES
     }
-    fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
+    fonts = {f"fonts/{path.name}": path for path in theme.FOLDER.glob("*.woff2")}
     drawing = {f"scene/{path.name}": path for path in (TEMPLATES / "drawing").glob("*.js")}
     read = {name: path.read_bytes() for name, path in (files | fonts | drawing).items()}
     read["report.css"] = sheet().encode()

@@ -20,8 +20,7 @@ from ...analysis.drift.instrument_biases import Bias, ComparableInstruments, Mea
 from ...model.arrays import Matrix
 from ...model.records import if_any, inline, internal, it, key, record
 from ..processes import side_by_side
-from .arm_drift import ArmDrift, DatedJump, Rate, arm_drift
-from .arm_history import KIND, STATES, ArmState
+from .arm_history import KIND, STATES, ArmDrift, ArmState, DatedJump, Rate, arm_drift
 from .stored_result import Event, StoredResult
 
 FLEET_SCHEMA: Final = "zerobeam/history-fleet/1"

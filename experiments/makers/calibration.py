@@ -21,12 +21,10 @@ from ...analysis.answer.findings import OtherBasins, without_a_result
 from ...analysis.answer.result import RunInputs
 from ...analysis.covariance import Covariance
 from ...analysis.diagnostics.accuracy import place_uncertainty
-from ...analysis.diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from ...analysis.diagnostics.values_to_enter import ValueToEnter, offsets_to_enter
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.observability.changes import Displacement
-from ...analysis.prediction import length_rows, settled
+from ...analysis.prediction import PredictedRun, length_rows, predict_run, require_predictable, settled
 from ...analysis.recordings.steps import RecordingStep
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.status import NOT_DESCRIBED, Status, known, versions
@@ -35,6 +33,7 @@ from ...model.errors import BadInput, FitFailed, located
 from ...model.files.header import UrdfRef
 from ...model.files.robot_file import robot_path
 from ...model.files.run import Run
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes

@@ -2,29 +2,39 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import re
-from collections.abc import Sequence
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
+from ...model.files.joint_values import beyond_limits, like_radians
 from ...model.files.text_tables import (
     Layout,
     TextTable,
+    is_workbook,
     layout_of,
     number,
     plain_rows,
     table_of,
     without_remarks,
+    workbook_text,
 )
-from ...model.files.workbook import is_workbook, workbook_text
+from ...model.kinematics.pendant import Pendant, nearest_limit
 from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, shown
-from ...model.records import it, record
-from .generic.bags import is_bag
-from .generic.ros import Topic, messages, topics_of
+from ...model.records import it, read, record, to_json
+from .generic.ros import Topic, is_bag, messages, topics_of
 from .joint_text import PROGRAM_LINE, is_log_of_program, program_is_no_recording, writes_log
 from .known_logs import known_logs
 from .maker import FormatMark, Reader, makers
@@ -259,4 +269,212 @@ def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> 
         columns=columns,
         rows=len(table.rows),
         whole=whole,
+    )
+
+
+# Units, signs and the convention of joint 3, judged by the robot's limits alone.
+#
+# A reading is excluded where it puts joints outside their limits. What the limits do not exclude they do
+# not decide: then there is no choice, and the sentence says so.
+
+_WAYS = {
+    "deg": "degrees",
+    "rad": "radians",
+    "mm": "millimetres",
+    "m": "metres",
+    "recorded": "the sign as recorded",
+    "reversed": "the sign reversed",
+    "link": "joint 3 counted from link 2",
+    "ground": "joint 3 counted from the ground",
+}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """`choice` is the way to read that is proposed, None where none is.
+
+    `decided` says that every other way is excluded by limits; `outside` counts the rows with a joint outside
+    its limits, by way.
+    """
+
+    choice: str | None
+    decided: bool
+    why: str
+    outside: Mapping[str, int]
+
+
+def unit_reading(robot: Robot, raw: Matrix) -> Reading | None:
+    """The unit of the angles of recorded values (N, n); None without a revolute joint that has a column.
+
+    Columns that are not known are NaN: they are within all limits.
+    """
+    revolute = _kind(robot, "revolute")
+    if np.isnan(raw[:, revolute]).all():
+        return None
+    rows = {"deg": _only(raw, revolute), "rad": np.degrees(_only(raw, revolute))}
+    by_limits = _by_limits(robot, rows)
+    if by_limits.choice is None and not any(by_limits.outside.values()):
+        known = np.where(np.isnan(rows["deg"]), 0.0, raw)
+        if like_radians(robot, known):
+            largest = float(np.nanmax(np.abs(rows["deg"])))
+            why = (
+                f"no joint beyond {largest:.4g} in {len(raw)} rows, as in radians: in degrees the arm would"
+                " hardly have moved; the limits allow both: check it at the source"
+            )
+            return Reading("rad", False, why, by_limits.outside)
+    return by_limits
+
+
+def length_reading(robot: Robot, raw: Matrix) -> Reading | None:
+    """The unit of the prismatic joints, as `unit_reading`; None without one that has a column."""
+    slides = _kind(robot, "prismatic")
+    if not slides or np.isnan(raw[:, slides]).all():
+        return None
+    return _by_limits(robot, {"mm": _only(raw, slides), "m": _only(raw, slides) * 1000})
+
+
+def sign_readings(robot: Robot, joints: Matrix) -> list[Reading | None]:
+    """The sign of each joint of values (N, n), degrees or mm; None of one without a column."""
+    readings: list[Reading | None] = []
+    for i in range(robot.n):
+        column = _only(joints, [i])
+        known = not np.isnan(column).all()
+        readings.append(_by_limits(robot, {"recorded": column, "reversed": -column}) if known else None)
+    return readings
+
+
+def j3_reading(robot: Robot, joints: Matrix) -> Reading | None:
+    """What joint 3 of values (N, n), degrees, is counted from; None where joint 2 or 3 has no column, or is
+    not revolute."""
+    kinds = [joint.kind for joint in robot.joints[1:3]]
+    if kinds != ["revolute", "revolute"] or np.isnan(joints[:, 1:3]).any():
+        return None
+    ways = {"link": joints, "ground": Pendant(robot, "ground").between_links(joints)}
+    return _by_limits(robot, {way: _only(values, [1, 2]) for way, values in ways.items()}, [2])
+
+
+def _by_limits(robot: Robot, rows: Mapping[str, Matrix], judged: Sequence[int] | None = None) -> Reading:
+    """The one way that has no row outside the limits, if the others have some; `judged` joints count."""
+    beyond = {way: beyond_limits(robot, values) for way, values in rows.items()}
+    if judged is not None:
+        for wrong in beyond.values():
+            wrong[:, [i for i in range(robot.n) if i not in judged]] = False
+    outside = {way: int(wrong.any(axis=1).sum()) for way, wrong in beyond.items()}
+    count = len(next(iter(rows.values())))
+    within = [way for way, number in outside.items() if not number]
+    if len(within) == len(rows):
+        return Reading(None, False, "not decided: the limits allow both", outside)
+    reasons = "; ".join(
+        f"with {_WAYS[way]} {outside[way]} of {count} rows are outside the limits"
+        f" ({_farthest(robot, rows[way], beyond[way])})"
+        for way in rows
+        if outside[way]
+    )
+    if not within:
+        return Reading(None, False, f"none fits: {reasons}", outside)
+    return Reading(within[0], True, f"{reasons}, with {_WAYS[within[0]]} none", outside)
+
+
+def _farthest(robot: Robot, values: Matrix, wrong: NDArray[np.bool_]) -> str:
+    met = [
+        (int(i), nearest_limit(robot, values[row] / robot.display, int(i))) for row, i in np.argwhere(wrong)
+    ]
+    i, limit = max(met, key=lambda each: each[1].excess)
+    counting = limit.counting and f" {limit.counting}"
+    return (
+        f"J{i + 1}{counting} {limit.value:.5g} {robot.joints[i].unit}, limits {limit.lower:.5g} to"
+        f" {limit.upper:.5g}"
+    )
+
+
+def _kind(robot: Robot, kind: str) -> list[int]:
+    return [i for i, joint in enumerate(robot.joints) if joint.kind == kind]
+
+
+def _only(values: Matrix, columns: list[int]) -> Matrix:
+    """The values with NaN in all other columns."""
+    result = np.full(values.shape, np.nan)
+    result[:, columns] = values[:, columns]
+    return result
+
+
+PATIENCE_S = 60.0
+MOST_MEMORY = 4 * 10**9  # bytes of address space, of which libraries take one tenth
+_PROGRAM = "from zerobeam.experiments.makers.contents import main; main()"
+_COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
+
+
+async def contents(path: Path, layout: Mapping[str, object]) -> Contents:
+    """What `contents_of` finds in a file; `layout` is what is stated of a table's.
+
+    BadInput where it refuses, or where it takes more than `PATIENCE_S` or `MOST_MEMORY`.
+    """
+    process = await asyncio.create_subprocess_exec(
+        *_COMMAND,
+        str(path),
+        json.dumps(dict(layout)),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            answer, fault = await process.communicate()
+    except TimeoutError:
+        raise _too_much(path, f"no answer in {PATIENCE_S:.0f} s") from None
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+    if process.returncode:
+        if process.returncode < 0:
+            raise _too_much(path, f"the process was ended by signal {-process.returncode}")
+        raise RuntimeError(fault.decode("utf-8", "replace"))
+    printed = json.loads(answer)
+    if "what" in printed:
+        raise BadInput(**printed)
+    return read(Contents, printed)
+
+
+def main() -> None:
+    """Print what the file holds, or why it is refused. Arguments: the file, and the layout that is stated."""
+    path, layout = Path(sys.argv[1]), json.loads(sys.argv[2])
+    _limit()
+    try:
+        holdings = contents_of(path, layout_of(head_of(path)[0], **layout) if layout else None)
+        answer = to_json(holdings)
+    except MemoryError:
+        error = _too_much(path, f"more than {MOST_MEMORY // 10**9} GB of memory")
+        answer = _facts(error)
+    except BadInput as error:
+        answer = _facts(error)
+    sys.stdout.write(json.dumps(answer, allow_nan=False))
+
+
+def _facts(error: BadInput) -> dict[str, object]:
+    """The arguments of a BadInput."""
+    facts = {name: getattr(error, name) for name in ("found", "allowed", "remedy", "file")}
+    texts = {name: None if fact is None else str(fact) for name, fact in facts.items()}
+    return {"what": error.what, "line": error.line, **texts}
+
+
+def _limit() -> None:
+    """Bound memory and time, which also ends this process where the server was killed; not on Windows."""
+    if sys.platform != "win32":
+        import resource
+
+        limits = {resource.RLIMIT_AS: MOST_MEMORY, resource.RLIMIT_CPU: int(PATIENCE_S)}
+        for kind, limit in limits.items():
+            with suppress(ValueError, OSError):  # a lower one is in force, or the system has none
+                resource.setrlimit(kind, (limit, limit))
+
+
+def _too_much(path: Path, how_much: str) -> BadInput:
+    return BadInput(
+        "the file is too much to be looked at here",
+        found=how_much,
+        allowed=f"{PATIENCE_S:.0f} s and {MOST_MEMORY // 10**9} GB",
+        remedy="use zerobeam import on the command line, if it is the right file",
+        file=path,
     )

@@ -17,8 +17,8 @@ import numpy as np
 from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput, located
 from ...model.files.header import Header, check_header
-from ...model.files.header_file import read_header
-from ...model.files.limits import check_limits, require_degrees
+from ...model.files.joint_values import check_limits, require_degrees
+from ...model.files.measurements import read_header
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import (

@@ -27,7 +27,7 @@ def read_log(
     j3: J3Origin = None,
 ) -> "Imported":
     """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
-    from .generic.csv_file import import_csv
+    from .generic.joint_logs import import_csv
 
     usual = layout(job.robot.n)
     columns = replace(

@@ -9,15 +9,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...model.errors import BadInput
-from .maker import FormatMark, OffsetFile, PointNames, Reader, folder_of, require_vendor
-from .taught_format import TaughtFormat, TaughtPoint
+from .maker import (
+    FormatMark,
+    OffsetFile,
+    PointNames,
+    Reader,
+    TaughtFormat,
+    TaughtPoint,
+    folder_of,
+    require_vendor,
+)
 
 if TYPE_CHECKING:
     from ...model.files.plan import Plan
     from ...model.files.robot_file import Vendor
     from ...model.files.run import Run
+    from ..command_options import ProgramMotion
     from .calibration import RobotCalibration
-    from .format_options import ProgramMotion
     from .import_jobs import Imported, ImportJob
 
 
@@ -121,7 +129,7 @@ def sheet_file(vendor: Vendor, about: str) -> OffsetFile:
     """The sheet of a maker by which a person changes zeros, by the template in its folder."""
 
     def text(run: Run, calibration: RobotCalibration) -> str:
-        from .sheets import sheet_text
+        from .plan_programs import sheet_text
 
         return sheet_text(run.robot, calibration, vendor)
 

@@ -11,18 +11,19 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.errors import BadInput, located
-from ...model.files.limits import require_joint_count
+from ...model.files.joint_values import require_joint_count
 from ...model.files.plan import Plan
+from ...model.kinematics.orientation import from_quaternion, stated_numbers
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import read_other_text, unknown_name
-from ..positions.joint_lists import JOINT_LIST, SLIM, TMSCRIPT
-from ..positions.position import BackupReading, JointLanguage, SourceFile, TaughtPosition
-from ..positions.position_languages import LANGUAGES
+from ..positions.arm_change import ArmChange, PositionFrames, kept, up_to_flange
+from ..positions.position import BackupReading, JointLanguage, NotConvertible, SourceFile, TaughtPosition
+from ..positions.position_languages import JOINT_LIST, LANGUAGES, RAPID, SLIM, TMSCRIPT
 from ..positions.program_backup import together
 from .import_jobs import FileMeasurements, Imported, ImportJob, without_unused
 from .joint_text import PLAN_LINE, require_same_plan, required_plan
-from .taught_format import TaughtFormat, TaughtPoint
+from .maker import TaughtFormat, TaughtPoint
 
 # Of a plan's program: planned, measured, via.
 POSTURE = re.compile(r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE)
@@ -275,3 +276,42 @@ def _joints(point: TaughtPoint, robot: Robot) -> tuple[float, ...]:
     joints = without_unused(point.joints, robot)
     require_joint_count(joints, robot, f"point {point.name}", None, point.line)
     return joints
+
+
+def joints_of(robot: Robot, tool: str, frame: str | None, names: Sequence[str] | None) -> Posed:
+    """Of robtargets of these names (None: any), of a stated `tool` and in a work object `frame` or wobj0, the
+    joints with their configuration; BadInput unless exactly one set of joints has it."""
+    in_frame = np.eye(4) if frame is None else _pose(frame, "--frame")
+    frames = PositionFrames(np.eye(4), in_frame, _pose(tool, "--tool"))
+    pendant = pendant_of(robot)
+    arm = ArmChange(up_to_flange(robot, robot), RAPID, pendant, *kept(np.zeros(robot.n)))
+    if arm.branches is None:
+        raise BadInput(
+            "robtargets are read for six-axis arms with a spherical wrist",
+            found=robot.name,
+            remedy="use jointtargets",
+        )
+
+    def posed(one: TaughtPosition) -> tuple[float, ...] | None:
+        if names is not None and one.label not in names:
+            return None
+        if one.external:
+            raise BadInput(
+                f"{one.label} has positions of external axes, which may carry the robot or the work"
+            )
+        try:
+            joints = arm.joints_at(frames.flange(RAPID.pose(one.values)), one.configuration)
+        except NotConvertible as error:
+            raise BadInput(
+                f"{one.label} does not say what the joints are",
+                found=str(error),
+                remedy="state the right --tool and --frame, or save the point as a jointtarget",
+                line=one.line,
+            ) from None
+        return tuple(pendant.counted(joints).tolist())
+
+    return posed
+
+
+def _pose(text: str, option: str) -> Matrix:
+    return from_quaternion(stated_numbers(text, 7, option, "X,Y,Z,Q1,Q2,Q3,Q4"))

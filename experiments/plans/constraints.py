@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.better_postures import usual_constraints
 from ...analysis.observability.check import Check, Condition, Violation
@@ -22,6 +21,7 @@ from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import Plan, StatedConstraints
 from ...model.files.run import Run
 from ...model.instruments.kind import Measurement, Target
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, by_posture

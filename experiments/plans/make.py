@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from io import StringIO
 from math import radians
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
 import numpy as np
+from ruamel.yaml import YAML
 
-from ...analysis.acceptance.acceptance import LackingTest, lacking_test
+from ...analysis.acceptance import LackingTest, lacking_test
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.check import Planned as PlanVerdict
 from ...analysis.observability.power import DetectionPower
@@ -30,19 +32,35 @@ from ...model.files.plan import (
     write_plan,
 )
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.whole_file import refuse_existing
+from ...model.files.whole_file import refuse_existing, schema_line, write_whole
 from ...model.kinematics.robot import Robot
+from ...model.parsing.validation import read_model
 from ...model.records import inline, internal, it, key, record
 from ...words import numbers
-from ...words.acceptance_words import lacking_test_sentence
+from ...words.enter import lacking_test_sentence
 from ...words.observability import no_plan_sentence, power_sentences
 from ...words.wording import counted
+from ..measuring_options import Pattern, PlanOptions, Portion
 from .candidates import CandidatePostures, Planned, candidates, pools_in_words
 from .constraints import View, check_plan
-from .obstacles import read_obstacles
 from .optimal import Fewest, Planner, Proposal
 from .patterns import Line, pattern
-from .plan_options import Pattern, PlanOptions, Portion
+
+
+def read_obstacles(path: Path) -> Obstacles:
+    """An obstacles file (YAML)."""
+    return read_model(Obstacles, path)
+
+
+def write_obstacles(path: Path, obstacles: Obstacles, *, force: bool = False) -> None:
+    """Write an obstacles file (YAML), whole or not at all; over another one with `force` only."""
+    refuse_existing(path, force=force)
+    text = StringIO()
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.dump(obstacles.model_dump(mode="json"), text)
+    write_whole(path, schema_line(path, "obstacles") + text.getvalue(), force=force)
+
 
 PROPOSAL_SCHEMA: Final = "zerobeam/proposal/1"
 _USUAL, _USUAL_UNCERTAIN = 7, 20  # measurements: of a pattern or an exact arm, of an uncertain arm

@@ -11,7 +11,6 @@ import numpy as np
 
 from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import Design, design
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.power import DetectionPower, WrongModel, change_risk, halves, powers
 from ...analysis.observability.predictions import (
@@ -25,6 +24,7 @@ from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.instruments.kind import Measurement
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.records import it

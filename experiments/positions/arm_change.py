@@ -17,11 +17,9 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import load_robot
-from ...model.kinematics.branches import Branch, Branches
-from ...model.kinematics.inverse import Solver, is_singular, reach
+from ...model.kinematics.inverse import Branch, Branches, Solver, is_singular, reach
 from ...model.kinematics.pendant import Pendant, beyond_limits, nearest_limit
-from ...model.kinematics.robot import Robot, same_arm
-from ...model.kinematics.transforms import shift
+from ...model.kinematics.robot import Robot, same_arm, shift
 from .position import NotConvertible, PositionLanguage, TaughtPosition
 
 LEAST_J5 = 0.5  # deg: nearer to zero, joints 4 and 6 are not determined by a pose

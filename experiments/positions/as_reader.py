@@ -6,10 +6,20 @@ import re
 from collections.abc import Sequence
 
 from ...model.kinematics.orientation import from_zyz
-from .position import WHAT, BackupReading, FileReading, What, pose_of, what_of
-from .position_names import SharedNames
-from .script import LineProgram
-from .statement_text import NUMBER, Lines, numbers_in, parts_of, values_in
+from .position import (
+    NUMBER,
+    WHAT,
+    BackupReading,
+    FileReading,
+    Lines,
+    What,
+    numbers_in,
+    parts_of,
+    pose_of,
+    values_in,
+    what_of,
+)
+from .script import LineProgram, SharedNames
 
 _I = re.IGNORECASE
 _SECTION = re.compile(r"\.([A-Z][A-Z0-9_]*)(?:[ \t].*|[ \t]*)", _I)

@@ -7,10 +7,19 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from ...model.kinematics.orientation import from_abc
-from .position import BackupReading, FileReading, SourceFile, What, pose_of, what_of
-from .position_names import PositionNames
-from .script import LineProgram
-from .statement_text import NUMBER, lines_in, pieces, split_arguments
+from .position import (
+    NUMBER,
+    BackupReading,
+    FileReading,
+    SourceFile,
+    What,
+    lines_in,
+    pieces,
+    pose_of,
+    split_arguments,
+    what_of,
+)
+from .script import LineProgram, PositionNames
 
 _I = re.IGNORECASE
 _FIELD = re.compile(rf"(?<![\w.$])([XYZABCST]|[AE][1-6])\s+({NUMBER})(?=\s*[,}}])", _I)

@@ -6,8 +6,16 @@ import re
 from dataclasses import dataclass
 
 from ...model.kinematics.orientation import from_quaternion
-from .position import BackupReading, FileReading, What, pose_of
-from .statement_text import NUMBER, numbers_in, split_arguments, values_in
+from .position import (
+    NUMBER,
+    BackupReading,
+    FileReading,
+    What,
+    numbers_in,
+    pose_of,
+    split_arguments,
+    values_in,
+)
 
 _UNUSED = 9e9  # of an external axis
 _REST = r"(?<!PROC )(?<![\w\\.])"

@@ -20,16 +20,11 @@ from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ...words.numbers import percent
-from ..sensors.camera import Camera, Image
-from ..sensors.psd import WEAKEST, Psd
-from .centring import centre
+from ..sensors.detectors import WEAKEST, Camera, Image, Psd
 from .events import ArmSent, Attempted, Listener, PhaseBegun, PictureTaken, SpotSeen
-from .ports import Ports, Reading
-from .readings import Spot, read_dark, read_joints, read_spot
-from .rig import MeasurementRefused, RefusalReason, Rig
-from .search import Search
-from .session import with_shots
-from .steering import Belief, come_to
+from .rig import MeasurementRefused, RefusalReason, Rig, Spot, read_dark, read_joints, read_spot
+from .session import Ports, Reading, with_shots
+from .steering import Belief, Search, centre, come_to
 
 _WIDEST = 320  # px of a picture that is told
 _BETWEEN_S = 0.25  # from one picture to the next

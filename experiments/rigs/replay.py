@@ -15,8 +15,7 @@ from ...model.files.shot import Shot, ShotRules
 from ...model.kinematics.robot import same_arm
 from ...model.likelihood.problem import Problem
 from ..procedure.steering import Belief
-from ..sensors.camera import Camera, Image
-from ..sensors.psd import Psd
+from ..sensors.detectors import Camera, Image, Psd
 
 _SIZE = 200.0  # mm: a spot that was recorded is on it
 _NOISE = 1e-6  # mm: a recorded spot is a mean already

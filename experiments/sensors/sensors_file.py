@@ -27,7 +27,7 @@ from ...model.parsing.validation import (
     refusal,
     tuple_of,
 )
-from .psd import PAIR_LIGHT, PsdKind, face_normal
+from .detectors import PAIR_LIGHT, PsdKind, face_normal
 
 CALIBRATION_SCHEMA: Literal["zerobeam/psd-calibration/1"] = "zerobeam/psd-calibration/1"
 

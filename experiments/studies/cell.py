@@ -27,8 +27,7 @@ from ...model.records import it
 from ...words.numbers import percent
 from ...words.wording import label, listed
 from ..procedure.beam_ports import PHASES, BeamPorts
-from ..procedure.order import Adaptive, InTurn
-from ..procedure.session import Session, state_of
+from ..procedure.session import Adaptive, InTurn, Session, state_of
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, CellFile
 from ..rigs.simulated.simulator import SimulatedRig
 from .answer import (

@@ -18,11 +18,10 @@ from typing import Annotated
 import numpy as np
 from scipy import stats
 
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.posterior.many_posteriors import PROPOSED, TOGETHER, drawn_together
 from ...model.arrays import Index, Mask, Matrix
 from ...model.files.header import Header
-from ...model.kernel import compiled_at_once
+from ...model.kernel import compiled_at_once, one_blas_thread
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem

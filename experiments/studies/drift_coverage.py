@@ -14,13 +14,12 @@ from scipy import stats
 
 from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
 from ...analysis.drift.smoother import Observation, Series, series_of
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.repeatability.consistency import offsets_without_prior
 from ...model.arrays import Matrix
 from ...model.files.header import EXACT
 from ...model.files.run import read_run
-from ...model.kernel import compiled_at_once
+from ...model.kernel import compiled_at_once, one_blas_thread
 from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ..demos import demo_runs

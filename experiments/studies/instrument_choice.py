@@ -14,7 +14,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, JsonValue
 
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.predictions import predicted_covariance
 from ...analysis.tcp_region import (
@@ -29,14 +28,15 @@ from ...model.errors import located
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
 from ...model.instruments.kind import Measurement
+from ...model.kernel import one_blas_thread
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.validation import FileModel, Name, Positive, Vector, read_model, validate
 from ...model.records import it
 from ...words import numbers
+from ..measuring_options import Portion
 from ..plans.make import PlanRequest, candidate_pools, portions
 from ..plans.optimal import Planner, Proposal
-from ..plans.plan_options import Portion
 from .answer import StudyAnswer
 from .cases import Engine
 

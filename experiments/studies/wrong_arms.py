@@ -19,8 +19,7 @@ from ...model.arrays import Matrix
 from ...model.files.robot_file import load_robot
 from ...model.instruments.flange_tool import FlangeTool
 from ...model.kinematics.dh import DHRow, as_row, dh_chain, with_fixed
-from ...model.kinematics.robot import Robot
-from ...model.kinematics.transforms import rotations
+from ...model.kinematics.robot import Robot, rotations
 from ...model.likelihood.geometry import Geometry
 
 OFFSET_DEG, BACKLASH_DEG, SPOT_MM = 0.5, 0.01, 2.0  # of the arms; of the spots about the centre

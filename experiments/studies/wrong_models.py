@@ -15,13 +15,13 @@ from typing import Annotated
 import numpy as np
 
 from ...analysis.diagnostics.diagnosis import Explanation, diagnose
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.observability.changes import Displacement, RunChange
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix
 from ...model.files.header import Header
 from ...model.instruments.flange_tool import flange_tool
+from ...model.kernel import one_blas_thread
 from ...model.likelihood.problem import Problem
 from ...model.records import it
 from ...words.wording import listed

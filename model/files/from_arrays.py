@@ -21,8 +21,8 @@ from ..kinematics.robot import Robot
 from ..parsing.reading import KeyPath, did_you_mean
 from ..parsing.validation import Model, validate
 from .header import Header, StatedNoise, StatedTool, check_header
-from .header_file import completed
-from .limits import check_limits_of_argument
+from .joint_values import check_limits_of_argument
+from .measurements import completed
 from .robot_file import load_robot
 
 RobotArgument = Robot | str | Path | Mapping[str, str]

@@ -50,9 +50,8 @@ from .from_arrays import (
     target_of_each,
 )
 from .header import PLAN_SCHEMA, Header, check_header, header_content
-from .header_file import completed
-from .limits import JointValues, check_limits, require_joint_count
-from .measurements import Measurements, always
+from .joint_values import JointValues, check_limits, require_joint_count
+from .measurements import Measurements, always, completed
 from .robot_file import load_robot
 from .shot import Shot, check_shots, check_ties, target_names
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text

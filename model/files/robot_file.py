@@ -18,8 +18,7 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.dh import Convention, DHRow, RowTable, dh_chain, table_of
 from ..kinematics.plausible import beside_right_angle, doubtful_rows, is_rounded, too_long, warn_of
-from ..kinematics.robot import Joint, Robot
-from ..kinematics.transforms import pose_of
+from ..kinematics.robot import Joint, Robot, pose_of
 from ..parsing.confinement import BUILT_IN, require_within
 from ..parsing.reading import did_you_mean, read_yaml, real_path, require_schema, shown
 from ..parsing.validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate

@@ -44,8 +44,7 @@ from .from_arrays import (
     target_of_each,
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
-from .header_file import completed
-from .measurements import Measurements, always
+from .measurements import Measurements, always, completed
 from .robot_file import load_robot, rebased
 from .shot import (
     Shot,

@@ -18,7 +18,7 @@ from ..kinematics.robot import Robot
 from ..parsing.reading import did_you_mean, shown
 from ..parsing.validation import MOST, FileModel, Name, Positive, TargetName, refusal
 from .header import Header
-from .limits import JointValues, check_limits, require_joint_count
+from .joint_values import JointValues, check_limits, require_joint_count
 
 
 def _spot_values(value: object) -> object:

@@ -26,10 +26,8 @@ from ..parsing.reading import (
     shown,
 )
 from ..parsing.validation import FileModel, Name, Vector, as_tuple, refusal, tuple_of, validate
-from .joint_columns import JointColumns
-from .limits import JointValues, check_limits, require_degrees, require_joint_count
-from .text_tables import layout_of, table_of
-from .workbook import table_text
+from .joint_values import JointColumns, JointValues, check_limits, require_degrees, require_joint_count
+from .text_tables import layout_of, table_of, table_text
 
 MOST_POSTURES = 1000
 _OF_A_FILE = ("units", "lengths", "postures_deg")

@@ -20,8 +20,7 @@ import numpy as np
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.plausible import is_rounded, rounded_angle, too_long, warn_of
-from ..kinematics.robot import Joint, JointKind, Robot
-from ..kinematics.transforms import euler, shift
+from ..kinematics.robot import Joint, JointKind, Robot, euler, shift
 from ..parsing.reading import did_you_mean, read_text
 from ..parsing.validation import LARGEST_OTHER
 

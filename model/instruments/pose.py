@@ -14,7 +14,26 @@ from pydantic import Field, model_validator
 from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
-from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, StationFrame, spread, vector_unknowns
+from .frames import (
+    FREE_MM,
+    FREE_RAD,
+    FramedStation,
+    Quaternion,
+    StatedStand,
+    StationFrame,
+    matrix_of,
+    nearest_rotation,
+    quaternion,
+    quaternion_of,
+    rotation,
+    rotation_of_quaternion,
+    rotation_vector,
+    spread,
+    turned,
+    unit_quaternion,
+    vector_of,
+    vector_unknowns,
+)
 from .kind import (
     Assumption,
     Flange,
@@ -27,19 +46,6 @@ from .kind import (
     Unknown,
     Words,
     station_at,
-)
-from .rotations import (
-    Quaternion,
-    matrix_of,
-    nearest_rotation,
-    quaternion,
-    quaternion_of,
-    rotation,
-    rotation_of_quaternion,
-    rotation_vector,
-    turned,
-    unit_quaternion,
-    vector_of,
 )
 
 _ROUNDS = 50

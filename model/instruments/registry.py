@@ -12,13 +12,11 @@ from importlib.metadata import EntryPoint
 
 from ..errors import BadInput
 from ..parsing.reading import also_called
-from .ballbar import Ballbar
-from .dial import Dial
 from .flange_tool import FlangeTool, LaserBeam, ProbeTip
 from .kind import Instrument, Station
-from .plane import PlaneProbe
+from .length_gauges import Ballbar, Dial
 from .pose import PoseStation
-from .sphere import SphereProbe
+from .tips import PlaneProbe, SphereProbe
 from .tracker import Tracker
 
 GROUP = "zerobeam.instruments"

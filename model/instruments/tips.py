@@ -3,9 +3,9 @@ and how a target is fitted."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
@@ -14,18 +14,23 @@ from pydantic import Field, model_validator
 from ..arrays import Mask, Matrix
 from ..errors import BadInput
 from ..parsing.reading import shown
-from ..parsing.validation import (
-    FileModel,
-    NotNegative,
-    NumberPair,
-    Positive,
-    Vector,
-    refusal,
-    without_length,
+from ..parsing.validation import FileModel, NotNegative, NumberPair, Positive, Vector, refusal, without_length
+from .frames import across, basis_across, vector_unknowns
+from .kind import (
+    TIP,
+    Assumption,
+    Flange,
+    Point,
+    ProposedHeader,
+    Station,
+    Target,
+    TargetEntry,
+    Unknown,
+    Words,
+    faces_at,
+    target_at,
+    whole_point,
 )
-from .frames import vector_unknowns
-from .kind import Assumption, Station, Target, TargetEntry, Unknown
-from .rotations import across, basis_across
 
 TIP_MM = 0.1  # prior std of a stated tip, each direction
 _NO_NORMAL = (0.36, 0.48, 0.8)
@@ -336,3 +341,163 @@ def _climbed(points: Matrix, lengths: Matrix, centre: Matrix, *, zero_free: bool
         if gained < 1e-12 * cost:
             break
     return cost, centre
+
+
+class StatedPlaneProbe(StatedBallTip):
+    """A probe on the flange that touches planes."""
+
+    kind: Literal["plane"] = Field(description="this kind of instrument")
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneProbe(BallTipStation):
+    """Its residual is how far the ball of `radius` mm is above the plane, along the normal.
+
+    A reading is the stated unit normal of the plane (3,), out of the body.
+    """
+
+    name = "plane"
+    also_called = ("face", "flat", "datum", "cube", "datum cube")
+    target = "plane"
+    target_is = "plane"
+    reading_size = 3
+    Stated: ClassVar[type[FileModel]] = StatedPlaneProbe
+    title = "Touches of flat faces"
+    mark = "plane"
+    words = Words(
+        is_="a tip that touches flat faces",
+        part="probe tip",
+        motion="shift of the probe tip",
+        unit="mm",
+        reading="touch",
+        method="a probe on the flange and flat faces in the cell",
+        posture="the probe at the face",
+        to_do="Move slowly towards the face until the probe touches it, and write down the joints.",
+        fields=(),
+        traced=(
+            ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
+            ("Probe, calibration certificate", ("probe certificate",)),
+        ),
+        act="move slowly until the probe touches the face",
+    )
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        stylus = {"kind": "plane", "tip_mm": list(TIP), "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
+        faces = faces_at(target, ("top", "back", "side"))
+        return ProposedHeader({"instruments": {"stylus": stylus}, "targets": faces}, 1, turns=True)
+
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
+        return plane_coordinates(target)
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
+    ) -> Matrix:
+        return unit_normal(target)
+
+    def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
+        normal, d = plane_at(target, reading[:3])
+        return ca.dot(normal, flange.in_base(self.tip_at(unknowns))) - self.radius - d
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix:
+        return points_on(target, rng, count) + self.radius * plane_normal(target)
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        return {"the probe comes from the inside of the face": self.through(poses, plane_normal(target))}
+
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        return (patch(target, reading[:3], touched),)
+
+    def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
+        return fitted_plane(self.tips(poses, unknowns), np.asarray(readings[0, :3]), self.radius)
+
+
+class StatedSphereProbe(StatedBallTip):
+    """A probe on the flange that touches balls."""
+
+    kind: Literal["sphere"] = Field(description="this kind of instrument")
+
+
+@dataclass(frozen=True, eq=False)
+class SphereProbe(BallTipStation):
+    """Its residual is how far the tip's ball of `radius` mm is off the target's ball, along their centres.
+
+    A reading is the radius of the target's ball, mm (1,).
+    """
+
+    name = "sphere"
+    also_called = ("ball", "master ball", "datum ball")
+    target = "ball"
+    target_is = "point"
+    touches_ball = True
+    reading_size = 1
+    Stated: ClassVar[type[FileModel]] = StatedSphereProbe
+    title = "Touches of balls"
+    mark = "sphere"
+    words = Words(
+        is_="a tip that touches balls",
+        part="probe tip",
+        motion="shift of the probe tip",
+        unit="mm",
+        reading="touch",
+        method="a probe on the flange and balls in the cell",
+        posture="the probe at the ball",
+        to_do="Move slowly towards the ball until the probe touches it, and write down the joints.",
+        fields=(),
+        traced=(
+            ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
+            ("Probe, calibration certificate", ("probe certificate",)),
+            ("Ball, calibration certificate", ("ball certificate",)),
+        ),
+        act="move slowly until the probe touches the ball",
+    )
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        stylus = {"kind": "sphere", "tip_mm": list(TIP), "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
+        balls = {
+            name: {"kind": "sphere", "diameter_mm": 25.4}
+            | target_at(np.add(target, whole_point((0.0, side * reach, 0.0))))
+            for name, side in (("ball1", -0.15), ("ball2", 0.15))
+        }
+        return ProposedHeader({"instruments": {"stylus": stylus}, "targets": balls}, 1, turns=True)
+
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
+        if target is None or target.diameter_mm is None:
+            raise BadInput(
+                "a ball without a diameter cannot be used",
+                found="no diameter_mm",
+                allowed="a number above 0, millimetres",
+                remedy="state the target's diameter_mm",
+            )
+        return super().coordinates(target)
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
+    ) -> Matrix:
+        """What reads no ball has the radius 0."""
+        return np.array([0.0 if target is None else (target.diameter_mm or 0.0) / 2])
+
+    def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
+        return distance(flange.in_base(self.tip_at(unknowns)), target) - self.radius - reading[0]
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix:
+        return np.asarray(target.numbers + self._apart(target) * directions(rng, count))
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        outward = self.tips(poses) - target.numbers
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        return {"the probe comes through the ball": self.through(poses, outward)}
+
+    def _apart(self, target: Target) -> float:
+        """Of the centres of tip and ball, mm."""
+        return self.radius + float(self.reading({}, None, target.entry)[0])
+
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        """Three great circles."""
+        angle = np.linspace(0, 2 * np.pi, 25)
+        circle = reading[0] * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+        return tuple(target + np.roll(circle, k, axis=1) for k in range(3))
+
+    def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
+        return sphere_through(self.tips(poses, unknowns), readings[:, 0] + self.radius, zero_free=False)

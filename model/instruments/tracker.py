@@ -24,7 +24,18 @@ from ..parsing.validation import (
     tuple_of,
     with_length,
 )
-from .frames import FREE_MM, FramedStation, StatedStand, StationFrame, spread, vector_unknowns
+from .frames import (
+    FREE_MM,
+    FramedStation,
+    StatedStand,
+    StationFrame,
+    aligned,
+    nearest_rotation,
+    rotation,
+    rotation_vector,
+    spread,
+    vector_unknowns,
+)
 from .kind import (
     ON_FLANGE,
     Assumption,
@@ -38,7 +49,6 @@ from .kind import (
     Words,
     station_at,
 )
-from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough
 _STEPS = 60

@@ -18,8 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ..arrays import Matrix
-from .robot import Robot
-from .transforms import onto_z, rotation_about, shift
+from .robot import Robot, onto_z, rotation_about, shift
 
 Convention = Literal["standard", "modified"]
 # What a row's numbers do, in turn; None is the joint's own motion, about or along z.

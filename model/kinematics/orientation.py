@@ -14,7 +14,7 @@ import scipy
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..records import it, key, record
-from .transforms import euler, shift
+from .robot import euler, shift
 
 _LARGEST = 1e6  # mm, deg
 _HALF_TURN = np.pi - 1e-12

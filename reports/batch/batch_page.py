@@ -20,8 +20,7 @@ from ...model.files.whole_file import write_whole
 from ...model.records import dumps, to_json
 from ...words import numbers
 from ...words.entries import VERDICT_WORDS, said_word
-from ...words.spreadsheet import csv_text
-from ...words.wording import clipped, counted, label, person, shown
+from ...words.wording import clipped, counted, csv_text, label, person, shown
 from ..output.html import html
 from ..studies.study_blocks import flat
 from ..style.blocks import (
@@ -39,7 +38,7 @@ from ..style.blocks import (
 )
 from ..style.blocks import Verdict as Headline
 from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
-from ..style.palette import VERDICT_MARKS, light
+from ..style.theme import VERDICT_MARKS, light
 
 _MOST_ROWS = 1000
 _MOST_NAMED = 200

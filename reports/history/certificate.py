@@ -13,33 +13,37 @@ from datetime import UTC, date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from ...analysis.acceptance.acceptance import ErrorSize
+from ...analysis.acceptance import ErrorSize
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.diagnostics.values_to_enter import Entered, TcpError
 from ...analysis.solution import ParameterResult
 from ...experiments.history.certified import (
+    ALGORITHM,
     CERTIFICATE_SCHEMA,
     Certificate,
     CertifiedResult,
     certificate_of,
+    fingerprint,
+    grouped,
+    sign,
+    signature_file,
 )
 from ...experiments.history.database import Database
-from ...experiments.history.signing import ALGORITHM, fingerprint, grouped, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...experiments.history.stored_result import StoredResult
 from ...model.errors import BadInput
 from ...model.records import dumps, it, keys, read, record, to_json
 from ...words import numbers
-from ...words.acceptance_words import ACCEPTANCE_WORDS, RULE
 from ...words.controllers import taken_by
+from ...words.enter import ACCEPTANCE_WORDS, RULE
 from ...words.entries import VERDICT_WORDS, said_word
 from ...words.finding_words import small_residuals
 from ...words.geometry_words import factors_sentence, tolerances_words
 from ...words.numbers import unit_of
+from ...words.outlook_words import region_words
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR, left_out
-from ...words.region_words import region_words
 from ...words.wording import clipped, counted, ended, joints, label, listed, sentence, shown
-from ..acceptance.acceptance_page import read_acceptance
+from ..acceptance_page import read_acceptance
 from ..output.whole_folder import FolderContents, Kind, write_answer
 from ..run.fit_section import intervals_table
 from ..run.inputs import settings

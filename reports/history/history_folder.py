@@ -12,15 +12,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from ...experiments.history.arm_drift import ArmDrift
-from ...experiments.history.arm_history import ARM_SCHEMA, ArmHistory, ArmState
+from ...experiments.history.arm_history import ARM_SCHEMA, ArmDrift, ArmHistory, ArmState
 from ...experiments.history.fleet_drift import FLEET_SCHEMA, Fleet, fleet_drift
 from ...experiments.processes import side_by_side
 from ...model.records import to_json
 from ..output import whole_folder
 from ..output.whole_folder import LITTER, FolderContents, Kind, write_answer, write_files, write_folder
-from .arm_page import arm_page, headline
-from .fleet_page import MOST_ROWS, fleet_page
+from .history_pages import MOST_ROWS, arm_headline, arm_page, fleet_page
 from .history_tables import offset_rows
 from .trend_figure import trend_pictures
 
@@ -75,7 +73,7 @@ def check_fleet_target(folder: Path) -> None:
 
 def arm_document(history: ArmHistory) -> Any:
     """`arm.json` of an arm."""
-    return to_json(history, {ArmHistory: {"headline": lambda one: headline(one).sentence}})
+    return to_json(history, {ArmHistory: {"headline": lambda one: arm_headline(one).sentence}})
 
 
 def state_row(state: ArmState) -> dict[str, object]:

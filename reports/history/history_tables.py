@@ -13,8 +13,16 @@ from ...analysis.answer.answer_message import Message
 from ...analysis.drift.instrument_biases import Bias
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict
-from ...experiments.history.arm_drift import FEW, ArmDrift, DatedChange, DriftingOffset, Rate
-from ...experiments.history.arm_history import HISTORY_SCHEMA, ClearestJump, offset_names
+from ...experiments.history.arm_history import (
+    FEW,
+    HISTORY_SCHEMA,
+    ArmDrift,
+    ClearestJump,
+    DatedChange,
+    DriftingOffset,
+    Rate,
+    offset_names,
+)
 from ...experiments.history.fleet_drift import ArmWalk, ArmWalks, FleetDrift, InstrumentJump, ModelWalk
 from ...experiments.history.stored_result import Arm, Event, StoredResult
 from ...model.records import one_line, to_json
@@ -24,7 +32,7 @@ from ...words.message import verdict_words
 from ...words.provenance import BAND
 from ...words.wording import capital, clipped, counted, label, listed, shown, status_words
 from ..style.blocks import Block, Cell, Columns, Paragraph, Table, table_by
-from ..style.palette import VERDICT_MARKS
+from ..style.theme import VERDICT_MARKS
 
 _NONE = "none"
 Change = TypeVar("Change", bound=DatedChange)

@@ -11,18 +11,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-from ...analysis.drift.drift import Drift
-from ...analysis.drift.forecast import bands
+from ...analysis.drift.drift import Drift, bands
 from ...analysis.status import Status
-from ...experiments.history.arm_drift import YEAR, ArmDrift
+from ...experiments.history.arm_history import YEAR, ArmDrift
 from ...experiments.history.stored_result import Event
 from ...model.arrays import NORMAL_95, Matrix
 from ...words import numbers
 from ...words.wording import WEAK, clipped, counted, label, listed
 from ..studies.study_figures import Curve, CurvePanel, Entries, Look, Scale, curves_picture
 from ..style.canvas import Picture
-from ..style.palette import SHAPES, light
-from ..style.typeface import in_font
+from ..style.theme import SHAPES, in_font, light
 from .history_tables import day, without_jump
 
 AT_ONCE = 6  # panels of a figure

@@ -16,8 +16,7 @@ from markupsafe import Markup
 
 from ..style.blocks import Block, Page, Table
 from ..style.canvas import MovingPicture, Picture, themed
-from ..style.palette import css_variables
-from ..style.typeface import FAMILY, Cut, font_file
+from ..style.theme import FAMILY, Cut, css_variables, font_file
 
 TEMPLATES = Path(__file__).parent / "templates"
 _WEIGHTS: dict[Cut, str] = {

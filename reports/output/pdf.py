@@ -15,8 +15,7 @@ import typst
 
 from ..style.blocks import Page, Section, on_paper
 from ..style.canvas import Picture
-from ..style.palette import PALETTE
-from ..style.typeface import FAMILY, FOLDER, in_font
+from ..style.theme import FAMILY, FOLDER, PALETTE, in_font
 from .html import TEMPLATES
 
 _DOCUMENT, _PARTS = "document.typ", "parts.typ"

@@ -19,7 +19,7 @@ from ...model.errors import BadInput, NotWritten
 from ...model.files.whole_file import WRITER, is_part, remove_abandoned, writer
 from ...model.parsing.confinement import require_within
 from ...model.records import dumps
-from ...words.spreadsheet import Row, csv_text
+from ...words.wording import Row, csv_text
 from ..style.blocks import Page
 from ..style.canvas import Picture
 from .html import PageKind, Turnable, html

@@ -18,8 +18,7 @@ from ...model.likelihood.problem import by_posture
 from ...words import numbers
 from ...words.wording import again_words, capital, clipped, counted, listed, sentence, shown
 from ..output.pdf import pdf
-from ..scenes.scene import Placed, Posed, Scene3D, floor_of
-from ..scenes.turnable import still_picture, turnable
+from ..scene import Placed, Posed, Scene3D, floor_of, still_picture, turnable
 from ..style.blocks import (
     Facts,
     FigureBlock,

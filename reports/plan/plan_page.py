@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.diagnostics.null_motion import motion_of_plan
-from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...model.arrays import Matrix
 from ...model.files.plan import Plan
 from ...model.files.whole_file import refuse_existing, write_whole
+from ...model.kernel import one_blas_thread
 from ...words import numbers
 from ...words.geometry_words import check_lines
 from ...words.message import WHAT_ELSE
@@ -31,8 +31,7 @@ from ..output.html import Turnable, html
 from ..run.front import outlook_blocks
 from ..run.parameter_section import legend, reasons
 from ..run.unobservable import direction_words, motion_picture, motion_section, tolerance_only
-from ..scenes.scene import Placed, Posed, Scene3D, axes_of, floor_of
-from ..scenes.turnable import MOST_DRAWN, turnable
+from ..scene import MOST_DRAWN, Placed, Posed, Scene3D, axes_of, floor_of, turnable
 from ..style.blocks import (
     Commands,
     Directions,

@@ -26,12 +26,12 @@ from ...words.outlook_words import (
     best_remedies,
     outlook_notes,
     plan_command,
+    region_short,
+    region_words,
     remedy_words,
 )
-from ...words.region_words import region_short, region_words
 from ...words.trust import above, tolerances_of, trusted
 from ...words.wording import NOT_DETERMINED, WEAK, joints
-from ..scenes.null_motion_picture import NAME
 from ..style.blocks import (
     Bar,
     Bars,
@@ -49,6 +49,7 @@ from ..style.blocks import (
     table_of,
 )
 from .parameter_section import worth_column
+from .unobservable import NAME
 from .workspace import NAME as MAP
 
 

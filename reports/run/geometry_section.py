@@ -31,7 +31,7 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
-from ..style.palette import light
+from ..style.theme import light
 from .parameter_section import NO_NUMBER, reasons
 
 if TYPE_CHECKING:

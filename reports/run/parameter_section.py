@@ -42,8 +42,7 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture, bare_y, beside, hatched, mark_unvalidated, new_figure, style, to_svg
-from ..style.palette import SHAPES, light
-from ..style.typeface import in_font
+from ..style.theme import SHAPES, in_font, light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

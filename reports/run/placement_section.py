@@ -16,14 +16,13 @@ from ...words.misfit_words import step_sentence
 from ...words.wording import clipped, counted, label, listed, shown
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg
-from ..style.palette import light
-from ..style.typeface import in_font
+from ..style.theme import in_font, light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 from typing import TYPE_CHECKING
 
-from ...analysis.diagnostics.predicted_run import PredictedRun
+from ...analysis.prediction import PredictedRun
 from ...words.finding_words import predicted_run_alt, predicted_run_sentences
 from ..style.blocks import Facts
 

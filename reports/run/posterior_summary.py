@@ -31,8 +31,7 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
-from ..style.palette import light
-from ..style.typeface import in_font
+from ..style.theme import in_font, light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from ...words.sentences import to_json
 from ...words.wording import clipped, counted
 from ..output.posterior_file import write_posterior
 from ..output.whole_folder import FolderContents, Kind, Written, write_answer
-from ..scenes.turnable import still_picture
+from ..scene import still_picture
 from ..style.blocks import Page
 from ..style.canvas import Picture
 from .brief_page import next_steps_section, page_of

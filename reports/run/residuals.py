@@ -11,14 +11,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from ...analysis.answer.result import Result
-from ...analysis.diagnostics.influence import ShotResult
+from ...analysis.diagnostics.outliers import ShotResult
 from ...analysis.status import Status
 from ...words import numbers
 from ...words.wording import clipped, measured_at, places_counted, shown
 from ..style.blocks import Cell, FigureBlock, Paragraph, Section, row_of, section_of, table_of
 from ..style.canvas import DASHES, Picture, mark_unvalidated, new_figure, style, to_svg
-from ..style.palette import light
-from ..style.typeface import in_font
+from ..style.theme import in_font, light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 from typing import TYPE_CHECKING, NamedTuple
 
 from ...model.arrays import Matrix
-from ..style.palette import SHAPES
+from ..style.theme import SHAPES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,8 +16,7 @@ from ...model.instruments.kind import Instrument
 from ...words import numbers
 from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed
 from ..output.html import Turnable
-from ..scenes.scene import Placed, Posed, Scene3D
-from ..scenes.turnable import exaggerated, turnable
+from ..scene import Placed, Posed, Scene3D, exaggerated, turnable
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 
 _TITLES = {

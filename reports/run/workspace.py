@@ -14,11 +14,11 @@ from ...analysis.observability.outlook import NextPosture
 from ...words import numbers
 from ...words.enter import enter_sentence, error_words, floor_sentence
 from ...words.finding_words import accuracy_reason, tcp_words
-from ...words.region_words import region_first, region_words
+from ...words.outlook_words import region_first, region_words
 from ...words.wording import clipped, counted, label, listed, person, sentence
 from ..style.blocks import Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import DASHES, WIDTH, Picture, new_figure, style, to_svg
-from ..style.palette import light
+from ..style.theme import light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

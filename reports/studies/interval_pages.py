@@ -20,7 +20,7 @@ from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, sentence
 from ..style.blocks import FigureBlock, Legend, Paragraph, Section, section_of
 from ..style.canvas import Picture
-from ..style.palette import light
+from ..style.theme import light
 from . import study_blocks as blocks
 from .study_figures import (
     Across,

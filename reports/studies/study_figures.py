@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...words import numbers
 from ..style.canvas import WIDTH, Picture, bare_y, new_figure, plain, set_log_scale, style, to_svg
-from ..style.palette import light
-from ..style.typeface import in_font
+from ..style.theme import in_font, light
 from .study_blocks import NOT_DETERMINED, spread_range
 
 if TYPE_CHECKING:

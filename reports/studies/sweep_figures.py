@@ -24,8 +24,7 @@ from ...experiments.studies.sweeps.study_file import overlap
 from ...words import numbers
 from ...words.wording import WEAK, clipped, label
 from ..style.canvas import WIDTH, Picture, new_figure, plain, style, to_svg
-from ..style.palette import SHAPES, light
-from ..style.typeface import in_font
+from ..style.theme import SHAPES, in_font, light
 from .study_blocks import NOT_DETERMINED
 from .study_figures import (
     Curve,

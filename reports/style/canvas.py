@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...analysis.status import UNVALIDATED, Status
 from ...words import numbers
-from .palette import PALETTE, light
-from .typeface import FAMILY, font_file
+from .theme import FAMILY, PALETTE, font_file, light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

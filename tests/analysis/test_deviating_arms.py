@@ -13,11 +13,11 @@ from cells import header, irb1600, varied_postures
 from deviating_arms import Arms, Sizes
 from scipy import stats
 
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.solution import require_noise_data
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 
 TARGET = (900.0, 0.0, 0.0)

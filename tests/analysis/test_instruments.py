@@ -11,11 +11,11 @@ from cells import irb1600
 from measured_arms import CELLS, Recorded, recorded
 from scipy import stats
 
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.recordings.recordings import placements
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.status import known
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 
 LEVEL = 1e-4  # of one test that is right

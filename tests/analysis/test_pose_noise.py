@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pose_runs import CAMERA, pose_header, pose_run, postures
 
-from zerobeam.analysis.diagnostics.predicted_run import predict_run
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.prediction import predict_run
 from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import Run
 from zerobeam.model.instruments.pose import PoseStation

@@ -10,7 +10,6 @@ import pytest
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.predictions import predicted_covariance
 from zerobeam.analysis.tcp_region import arm_covariance, region_postures, tool_point
@@ -20,6 +19,7 @@ from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.instruments.kind import Measurement
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 
 TCP = np.array([0.0, 0.0, 100.0])  # on the axis of joint 6

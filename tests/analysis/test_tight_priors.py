@@ -12,9 +12,9 @@ from measured_arms import CELLS, Cell, recorded, tracker
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.misfit import Misfit, TightPrior, Tolerances, tight_priors
 from zerobeam.analysis.solution import judge
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit_words import criterion_sentence, larger_tolerance
 

@@ -16,8 +16,8 @@ from exact_runs import demo_runs
 from starlette.testclient import TestClient
 
 import zerobeam as zb
-from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.serve import application
 from zerobeam.model.records import dumps
 from zerobeam.reports.output.posterior_file import write_posterior

@@ -15,7 +15,7 @@ from starlette.testclient import TestClient
 
 from zerobeam.analysis.answer.answer_message import Action
 from zerobeam.app.server.answers.actions import action_of_result
-from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.job_commands import job_command
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.model.records import to_json

@@ -11,7 +11,7 @@ from app_jobs import begun, ended
 from starlette.testclient import TestClient
 
 from zerobeam.experiments.plans.new_calibration import place_of, reach_of
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 from zerobeam.model.instruments.registry import KINDS

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.job_commands import job_command
 from zerobeam.experiments.makers.maker import makers
 

@@ -12,8 +12,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from zerobeam.app.server import guard
-from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.requests import EndPoint
 from zerobeam.app.server.serve import application
 

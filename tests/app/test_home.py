@@ -16,9 +16,9 @@ from histories import a_result, write_result
 from starlette.testclient import TestClient
 
 from zerobeam.app.server import index
-from zerobeam.app.server.answers import due_dates, home
-from zerobeam.app.server.folder import Folder
-from zerobeam.experiments.history.arm_drift import arm_drift
+from zerobeam.app.server.answers import home
+from zerobeam.app.server.index import Folder
+from zerobeam.experiments.history.arm_history import arm_drift
 from zerobeam.experiments.history.database import open_history
 from zerobeam.experiments.history.store import add, results
 from zerobeam.experiments.history.stored_result import read_entry
@@ -200,7 +200,7 @@ def dues(client: TestClient) -> Any:
     """The due date of the folder itself, once nothing is under way."""
     time.sleep(0.11)  # what was written just now is not kept
     listed(client)
-    due_dates._FITS.submit(list).result(timeout=60)  # one after the other
+    home._FITS.submit(list).result(timeout=60)  # one after the other
     return listed(client)["."]["due"]
 
 
@@ -238,8 +238,8 @@ def test_nobody_waits_for_a_long_fit(tmp_path: Path) -> None:
     history_of(tmp_path, "2020-01-31", "2021-01-31")
     database = tmp_path / "history.db"
     time.sleep(0.11)  # what was written just now is not kept
-    assert due_dates.due_dates([database], {"123-4"}, patience_s=0.0) == {}
-    assert list(due_dates.due_dates([database], {"123-4"}, patience_s=60.0)) == ["123-4"]
+    assert home.due_dates([database], {"123-4"}, patience_s=0.0) == {}
+    assert list(home.due_dates([database], {"123-4"}, patience_s=60.0)) == ["123-4"]
     began = time.monotonic()
-    assert list(due_dates.due_dates([database], {"123-4"}, patience_s=0.0)) == ["123-4"]
+    assert list(home.due_dates([database], {"123-4"}, patience_s=0.0)) == ["123-4"]
     assert time.monotonic() - began < 0.5

@@ -14,12 +14,12 @@ from recorded_logs import HEADER, POSTURES, table
 from starlette.testclient import TestClient
 from typer.main import get_command
 
-from zerobeam.app.server.answers import contents_process
 from zerobeam.app.server.job_commands import ALLOWED
-from zerobeam.commands.importing import imports
+from zerobeam.commands.exchange import imports
+from zerobeam.experiments.makers import contents
 from zerobeam.experiments.makers.known_logs import known_logs
 from zerobeam.experiments.schema import json_schema
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.files.run import read_run
 
 NAMES = [f"a{i}" for i in range(1, 7)]
@@ -58,8 +58,8 @@ def test_a_recording_is_looked_at(client: TestClient, recorded: Path) -> None:
 def test_a_recording_that_takes_too_long_ends_a_process_and_not_the_server(
     client: TestClient, recorded: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(contents_process, "_COMMAND", [sys.executable, "-c", "import time; time.sleep(60)"])
-    monkeypatch.setattr(contents_process, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(contents, "_COMMAND", [sys.executable, "-c", "import time; time.sleep(60)"])
+    monkeypatch.setattr(contents, "PATIENCE_S", 1.0)
     with ThreadPoolExecutor(1) as pool:
         asked = pool.submit(refused, client, "POST", "/api/recording", {"file": "shots.csv"})
         assert client.post("/api/columns", json={"files": ["shots.csv"], "robot": "irb1600"}).is_success
@@ -76,10 +76,10 @@ def test_a_recording_that_takes_too_long_ends_a_process_and_not_the_server(
 def test_a_recording_that_takes_too_much_memory_ends_a_process_and_not_the_server(
     client: TestClient, recorded: Path, monkeypatch: pytest.MonkeyPatch, hurt: str
 ) -> None:
-    eaten = "from zerobeam.app.server.answers import contents_process as own\n"
+    eaten = "from zerobeam.experiments.makers import contents as own\n"
     eaten += "own.head_of = own.contents_of = lambda *_: bytearray(5 * 10**9)\nown.main()"
     program = eaten if hurt == "MEMORY" else hurt
-    monkeypatch.setattr(contents_process, "_COMMAND", [sys.executable, "-c", program])
+    monkeypatch.setattr(contents, "_COMMAND", [sys.executable, "-c", program])
     error = refused(client, "POST", "/api/recording", {"file": "shots.csv"})
     assert "too much to be looked at" in error["what"]
     assert error["found"] in ("more than 4 GB of memory", "the process was ended by signal 9")

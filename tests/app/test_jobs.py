@@ -12,7 +12,7 @@ from cells import good_plan
 from command_line import plan_file, zerobeam
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.job_commands import job_command
 from zerobeam.model.errors import BadInput
 

@@ -10,9 +10,8 @@ from chromium import LAPTOP, Tab, chromium
 from live_controllers import LiveArm, UrStandIn
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.answers.forms import run_forms
-from zerobeam.experiments.rigs.live.address import SCHEMES
-from zerobeam.experiments.rigs_offered import OfferedRig, OfferedRun
+from zerobeam.app.server.answers.forms import OfferedRig, OfferedRun, run_forms
+from zerobeam.experiments.rigs.live.at_rest import SCHEMES
 from zerobeam.model.files.run import read_run
 
 AT = [20.0, -80.0, 70.0, -40.0, 60.0, 10.0]

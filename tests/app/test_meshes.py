@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zerobeam.app.server.answers.meshes import Mesh, read_mesh, simplified, solid
+from zerobeam.app.server.answers.robot_library import Mesh, read_mesh, simplified, solid
 from zerobeam.model.errors import BadInput
 
 CORNERS = np.array([[[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 0, 0], [0, 2, 0], [0, 0, 3]]], dtype=float)

@@ -21,7 +21,7 @@ from command_line import plan_file
 from exact_runs import demo_runs
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.job_commands import ALLOWED, job_command, kind_of
 from zerobeam.app.server.requests import END_POINTS
 from zerobeam.commands.program import app

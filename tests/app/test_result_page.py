@@ -18,7 +18,7 @@ from chromium import LAPTOP, PHONE, Size, Tab, chromium
 from exact_runs import demo_runs
 
 import zerobeam as zb
-from zerobeam.face.in_app import AppView, app_of
+from zerobeam.face.notebook import AppView, app_of
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.records import dumps
 from zerobeam.words.sentences import to_json

@@ -20,8 +20,8 @@ from app_page import app, root
 from child import ZEROBEAM, child
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.serve import application, leading_to
 from zerobeam.model.errors import BadInput
 

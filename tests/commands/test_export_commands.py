@@ -14,9 +14,8 @@ from export_runs import TRUTH, arm_run, saved, urdf_run
 from zerobeam.experiments.makers.abb import rapid_text
 from zerobeam.experiments.makers.abb.moc_offsets import Gears, moc_text
 from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
-from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
-from zerobeam.experiments.makers.generic.robot_rows import robot_text
-from zerobeam.experiments.makers.generic.urdf_export import urdf_text
+from zerobeam.experiments.makers.generic.robot_files import robot_text, urdf_text
+from zerobeam.experiments.makers.generic.written_tables import csv_text, json_text
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.kernel import compiled_at_once

@@ -13,7 +13,7 @@ import pytest
 from abb_controller.service import SimulatedController
 from controllers import Client, controller
 
-from zerobeam.experiments.sensors.controller_sensors import RemoteSensors
+from zerobeam.experiments.sensors.detectors import RemoteSensors
 
 DIGEST = (
     'GET /x HTTP/1.1\r\nAuthorization: Digest username="Default User", realm="validusers@robapi.abb",'

@@ -22,7 +22,7 @@ from start_abb_controller import parser, serve
 
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
-from zerobeam.experiments.sensors.controller_sensors import RemoteSensors
+from zerobeam.experiments.sensors.detectors import RemoteSensors
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 

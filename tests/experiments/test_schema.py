@@ -9,7 +9,7 @@ from command_line import plan_file, zerobeam
 from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
-from zerobeam.experiments.plans.obstacles import write_obstacles
+from zerobeam.experiments.plans.make import write_obstacles
 from zerobeam.experiments.schema import FILE_SCHEMAS, SCHEMA_NAMES, json_schema
 from zerobeam.model.files.header import write_header
 from zerobeam.model.files.plan import Box, Obstacles

@@ -16,7 +16,7 @@ from exact_runs import demo_runs
 from matplotlib.figure import Figure as PlainFigure
 
 import zerobeam as zb
-from zerobeam.face.progress import shown_progress
+from zerobeam.face.notebook import shown_progress
 from zerobeam.face.tables import data_frame
 from zerobeam.model.arrays import normal_half_width
 

@@ -1,3 +1,7 @@
+"""tests/model/test_kernel.py."""
+
+from __future__ import annotations
+
 import os
 import shutil
 import stat
@@ -596,3 +600,32 @@ def test_threads_share_the_virtual_machine():
             for result, alone in zip(pool.map(lambda inputs: made(*inputs), actual), expected, strict=True):
                 for one, two in zip(result, alone, strict=True):
                     np.testing.assert_array_equal(one, two)
+
+
+SCRIPT = """
+import sys
+import scipy.special
+before = "scipy.linalg" in sys.modules  # of older versions
+from threadpoolctl import threadpool_info, threadpool_limits
+from zerobeam.model.kernel import one_blas_thread
+
+def counts():
+    return {own["filepath"]: own["num_threads"] for own in threadpool_info() if own["user_api"] == "blas"}
+
+assert ("scipy.linalg" in sys.modules) == before
+with threadpool_limits(limits=3, user_api="blas"):
+    with one_blas_thread():
+        assert set(counts().values()) == {1}
+    import scipy.linalg
+    threadpool_limits(limits=3, user_api="blas")
+    assert set(counts().values()) == {3}
+    with one_blas_thread():
+        assert set(counts().values()) == {1}
+    assert set(counts().values()) == {3}
+"""
+
+
+@pytest.mark.long
+def test_one_thread_within_in_every_library_that_is_loaded() -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -12,7 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from zerobeam.commands.formats import with_options
+from zerobeam.commands.shared_options import with_options
 from zerobeam.model.errors import BadInput
 from zerobeam.model.options import (
     REQUIRED,

@@ -15,8 +15,7 @@ from histories import a_result, write_result
 
 from zerobeam.analysis.answer.answer_message import Action, Message
 from zerobeam.analysis.covariance import OffsetsWithoutPrior
-from zerobeam.experiments.history.arm_drift import arm_drift
-from zerobeam.experiments.history.arm_history import ArmHistory
+from zerobeam.experiments.history.arm_history import ArmHistory, arm_drift
 from zerobeam.experiments.history.stored_result import Event, StoredResult, read_entry
 
 FIRST = datetime(2023, 1, 15)

@@ -8,8 +8,8 @@ from typing import Any
 
 from histories import write_result
 
+from zerobeam.experiments.history.certified import make_key
 from zerobeam.experiments.history.database import Database, open_history
-from zerobeam.experiments.history.signing import make_key
 from zerobeam.experiments.history.store import add, results
 from zerobeam.experiments.history.stored_result import StoredResult, read_entry
 

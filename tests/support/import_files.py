@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from zerobeam.experiments.makers import joint_text, known_logs
-from zerobeam.experiments.makers.generic import csv_file, ros
+from zerobeam.experiments.makers.generic import joint_logs, ros
 from zerobeam.experiments.makers.import_jobs import Imported, ImportJob
-from zerobeam.experiments.makers.maker import makers
-from zerobeam.experiments.makers.taught_format import TaughtPoint
+from zerobeam.experiments.makers.maker import TaughtPoint, makers
 
 READERS = {reader.name: reader for maker in makers() for reader in maker.read}
 LAYOUTS = {log.name: log.layout for maker in makers() for log in maker.logs}
@@ -24,7 +23,7 @@ def of_files(read: Callable[..., Imported]) -> Callable[..., Imported]:
     return call
 
 
-import_csv = of_files(csv_file.import_csv)
+import_csv = of_files(joint_logs.import_csv)
 import_fanuc = of_files(READERS["fanuc"].read)
 import_joint_states = of_files(ros.import_joint_states)
 import_kuka = of_files(READERS["krl"].read)

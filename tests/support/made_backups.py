@@ -22,9 +22,9 @@ import yaskawa_controller
 from controller_arm import ControllerArm
 from scipy.spatial.transform import Rotation
 
+from zerobeam.experiments.command_options import BackupOptions, ZeroOptions
 from zerobeam.experiments.converted_programs import kept_programs
 from zerobeam.experiments.positions.conversion import Conversion
-from zerobeam.experiments.positions.positions_options import BackupOptions, ZeroOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
 

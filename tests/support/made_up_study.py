@@ -14,8 +14,8 @@ from zerobeam.experiments.studies.answer import StudyAnswer
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.model.options import Option
 from zerobeam.model.records import it
-from zerobeam.reports.studies.kinds import STUDIES
 from zerobeam.reports.studies.study_blocks import Study, flat, table
+from zerobeam.reports.studies.study_pages import STUDIES
 from zerobeam.reports.style.blocks import Paragraph, section_of
 
 SPOT_MM = 0.05

@@ -11,10 +11,8 @@ from cells import LASER, header, plan_of, varied_postures
 
 from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.experiments.plans.constraints import violations
-from zerobeam.experiments.procedure.centring import centre
-from zerobeam.experiments.procedure.readings import read_dark
-from zerobeam.experiments.procedure.search import Search
-from zerobeam.experiments.procedure.steering import Belief
+from zerobeam.experiments.procedure.rig import read_dark
+from zerobeam.experiments.procedure.steering import Belief, Search, centre
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from cells import good_plan
 
-from zerobeam.experiments.procedure.centring import Centred, centre
-from zerobeam.experiments.procedure.readings import read_dark
-from zerobeam.experiments.procedure.search import Search
-from zerobeam.experiments.procedure.steering import Belief, come_to
+from zerobeam.experiments.procedure.rig import read_dark
+from zerobeam.experiments.procedure.steering import Belief, Centred, Search, centre, come_to
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
-from zerobeam.experiments.sensors.psd import Psd
+from zerobeam.experiments.sensors.detectors import Psd
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem

@@ -13,10 +13,10 @@ from pathlib import Path
 from abb_controller.egm_server import PacketFaults
 from abb_controller.sensor_server import CellSensors
 from abb_controller.service import LOOPBACK, SimulatedController, own_plan
+from amplifier_stand_in import AmplifierStandIn
 
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile, read_cell
 from zerobeam.experiments.sensors.sensors_file import read_calibration
-from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import read_plan
 

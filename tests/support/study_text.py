@@ -16,8 +16,8 @@ from rich.console import Console
 
 from zerobeam.experiments.studies.answer import StudyAnswer
 from zerobeam.reports.output.terminal import print_page
-from zerobeam.reports.studies.kinds import study_page
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
+from zerobeam.reports.studies.study_pages import study_page
 from zerobeam.reports.style.blocks import Page, Row, Table
 
 Json = dict[str, Any]

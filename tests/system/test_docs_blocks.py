@@ -27,7 +27,7 @@ from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sen
 from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import check_header
-from zerobeam.model.files.header_file import PlantTolerances, read_header
+from zerobeam.model.files.measurements import PlantTolerances, read_header
 from zerobeam.model.files.plan import Obstacles, read_plan
 from zerobeam.model.files.robot_file import load_robot, read_robot
 from zerobeam.model.files.run import read_run

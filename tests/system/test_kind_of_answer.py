@@ -94,8 +94,8 @@ def test_the_app_shows_its_page(tmp_path: Path) -> None:
     pytest.importorskip("starlette")
     from starlette.testclient import TestClient
 
-    from zerobeam.app.server.folder import Folder
     from zerobeam.app.server.guard import Access
+    from zerobeam.app.server.index import Folder
     from zerobeam.app.server.serve import application
 
     write_level(tmp_path / "level", level())

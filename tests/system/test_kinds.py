@@ -17,15 +17,15 @@ from ruamel.yaml import YAML
 from starlette.testclient import TestClient
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
+from zerobeam.app.server.index import Folder
 from zerobeam.app.server.serve import application
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
-from zerobeam.model.instruments.ballbar import Ballbar
+from zerobeam.model.instruments.length_gauges import Ballbar
 from zerobeam.model.instruments.tracker import Tracker
-from zerobeam.model.kinematics.transforms import rotation_about
+from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.reports.run.fit_section import fit_section
 from zerobeam.reports.run.uncertainty_budget import source_words
 

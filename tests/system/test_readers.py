@@ -19,13 +19,13 @@ from ruamel.yaml import YAML
 from small_results import small_result
 
 from zerobeam.analysis.repeatability.repeats import read_result, read_table
-from zerobeam.experiments.plans.obstacles import read_obstacles
+from zerobeam.experiments.plans.make import read_obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sensors_file
 from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files import text_tables as table
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import read_robot
 from zerobeam.model.files.run import read_run

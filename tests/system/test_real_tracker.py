@@ -18,13 +18,13 @@ from command_line import Answer, zerobeam
 from ur10 import imported, part, some
 
 from zerobeam.analysis.diagnostics.outliers import robust_result
-from zerobeam.analysis.diagnostics.predicted_run import PredictedRun, predict_run
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.misfit import NominalContradicted
+from zerobeam.analysis.prediction import PredictedRun, predict_run
 from zerobeam.analysis.solution import Solution
 from zerobeam.model.files.run import Run, read_run
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.parameters import Parameters
 from zerobeam.model.likelihood.problem import Problem
 

@@ -11,10 +11,10 @@ import pytest
 from command_line import zerobeam
 from measured_arms import SIGMA_MM, Cell, recorded, tracker
 
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 
 JOINT_DEG = 0.005

@@ -53,9 +53,9 @@ from zerobeam.analysis.observability.check import Check, OutsideLimits, TargetBe
 from zerobeam.analysis.observability.predictions import OverTarget
 from zerobeam.analysis.recordings.steps import RecordingStep, RecordingSteps
 from zerobeam.analysis.status import Status, Verdict
+from zerobeam.app.server.answers.folder_runs import history
 from zerobeam.app.server.answers.home import home
-from zerobeam.app.server.answers.run_history import history
-from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.index import Folder
 from zerobeam.experiments.makers import calibration as exporters
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header

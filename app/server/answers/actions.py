@@ -15,7 +15,7 @@ from ....model.parsing.confinement import free_path
 from ....model.records import it, record
 from ....words.plan_catalogue import tried_change
 from ....words.wording import listed
-from ..folder import Folder
+from ..index import Folder
 from ..job_commands import job_command
 
 Step = Literal["plan", "measure", "result", "cell"]

@@ -31,7 +31,7 @@ from ....model.instruments.registry import KINDS
 from ....model.parsing.validation import FileModel, Name, Vector, validate
 from ....model.records import it, record
 from ....words.wording import capital
-from ..folder import Folder
+from ..index import Folder
 from ..job_commands import job_command
 from ..requests import Content, at_key, end_point, wrong
 from ..versions import version_of

@@ -9,22 +9,56 @@ from dataclasses import replace
 from functools import cache
 from typing import Annotated, Literal
 
-from ....experiments.command_options import HistoryPageOptions
-from ....experiments.makers.format_options import ExportOptions, ProgramMotion
+from ....experiments.command_options import BackupOptions, ExportOptions, HistoryPageOptions, ProgramMotion
 from ....experiments.makers.known_logs import read_log
 from ....experiments.makers.maker import makers, plan_programs
-from ....experiments.plans.plan_options import PlanOptions
+from ....experiments.measuring_options import PlanOptions, RunOptions
 from ....experiments.positions.position_languages import LANGUAGES
-from ....experiments.positions.positions_options import BackupOptions
-from ....experiments.rigs.live.address import SCHEMES
-from ....experiments.rigs_offered import OfferedRun
-from ....experiments.run_options import RunOptions
+from ....experiments.rigs.live.at_rest import SCHEMES
 from ....model.errors import BadInput
+from ....model.files.plan import Plan
 from ....model.options import REQUIRED, OptionField, options_of
 from ....model.records import it, record
 from ....words.wording import capital
-from ..folder import Folder
+from ..index import Folder
 from ..requests import end_point
+
+RigKind = Literal["simulated", "manual", "live", "abb"]
+_RIGS: dict[RigKind, str] = {
+    "simulated": "Simulation",
+    "manual": "By hand",
+    "live": "By hand, joints read from the controller",
+    "abb": "ABB robot",
+}
+
+
+@record(kw_only=True)
+class OfferedRig:
+    """A rig that can carry a plan out."""
+
+    name: RigKind
+    words: str
+
+
+@record(kw_only=True)
+class OfferedRun:
+    """How a plan can be carried out."""
+
+    rigs: list[OfferedRig]
+    servo: Annotated[bool, it("a beam is led onto its target: with cell, camera, adaptive order")]
+    closing: Annotated[bool, it("the first posture can be measured again at the end")]
+
+
+def offered_run(plan: Plan, vendor: str | None) -> OfferedRun:
+    """What can carry the plan out for a robot of this vendor (None: not stated)."""
+    beam = plan.header.only_beam
+    abb = beam and vendor in (None, "abb") and plan.robot.conventions.joint3 != "ground"
+    return OfferedRun(
+        rigs=[OfferedRig(name=name, words=words) for name, words in _RIGS.items() if abb or name != "abb"],
+        servo=beam,
+        closing=plan.header.only_tools,
+    )
+
 
 Source = Callable[..., object]
 # What help says to who types a command, and a form shows by its place.

@@ -8,14 +8,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ....experiments.arm_shown import JointLimits
+from ....experiments.makers import contents
 from ....experiments.makers import contents as columns_found
-from ....experiments.makers import joint_conventions
 from ....experiments.makers.contents import Contents
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
-from ....model.files.joint_columns import JointColumns
-from ....model.files.limits import beyond_limits
+from ....model.files.joint_values import JointColumns, beyond_limits
 from ....model.files.robot_file import load_robot
 from ....model.files.text_tables import TextTable, check_signs, layout_of, table_of
 from ....model.kinematics.pendant import Pendant
@@ -23,11 +22,9 @@ from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import FileModel, as_tuple, validate
 from ....model.records import it, record
-from ..folder import Folder
-from ..index import yaml_path
+from ..index import Folder, yaml_path
 from ..requests import Content, Precondition, at_key, end_point, keyed, noted, wrong
 from ..versions import VersionOfFile, replacing, version_of, version_of_sum
-from . import contents_process
 from .robot_library import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
@@ -93,7 +90,7 @@ class JointColumn(JointLimits):
     recorded: Annotated[Ends | None, it("range of the column; null without one")]
     seen: Annotated[Ends | None, it("range of the joint; null where the unit is not stated")]
     outside: Annotated[int | None, it("rows outside the limits")]
-    sign: joint_conventions.Reading | None
+    sign: contents.Reading | None
 
 
 @record(kw_only=True)
@@ -113,9 +110,9 @@ class ColumnsAnswer:
     whole: Annotated[bool, it("all rows were looked at")]
     joints: list[JointColumn]
     columns: ProposedColumns | None
-    units: joint_conventions.Reading | None
-    lengths: joint_conventions.Reading | None
-    j3: joint_conventions.Reading | None
+    units: contents.Reading | None
+    lengths: contents.Reading | None
+    j3: contents.Reading | None
     first: Annotated[list[list[float | None]], it("the first rows, as joints")]
 
 
@@ -147,7 +144,7 @@ class ReadHeader(VersionOfFile):
 async def recording(folder: Folder, request: RecordingRequest) -> RecordingAnswer:
     """What a file is and holds."""
     path = folder.file(request.file)
-    holdings = await contents_process.contents(path, _layout(request))
+    holdings = await contents.contents(path, _layout(request))
     return RecordingAnswer(file=folder.called(path), bytes=path.stat().st_size, **vars(holdings))
 
 
@@ -184,10 +181,10 @@ def columns(folder: Folder, request: ColumnsRequest) -> ColumnsAnswer:
     recorded = raw * joint_columns.per_unit  # NaN where the unit is not stated
     joints = joint_columns.joints(raw)
     outside = beyond_limits(robot, joints)
-    units = joint_conventions.unit_reading(robot, pendant.between_links(raw))
-    lengths = joint_conventions.length_reading(robot, raw)
-    sign = [None] * robot.n if pendant.ground else joint_conventions.sign_readings(robot, recorded)
-    j3 = joint_conventions.j3_reading(robot, pendant.counted(joints)) if robot.n > 2 else None
+    units = contents.unit_reading(robot, pendant.between_links(raw))
+    lengths = contents.length_reading(robot, raw)
+    sign = [None] * robot.n if pendant.ground else contents.sign_readings(robot, recorded)
+    j3 = contents.j3_reading(robot, pendant.counted(joints)) if robot.n > 2 else None
     return ColumnsAnswer(
         robot=robot.name,
         rows=len(raw),

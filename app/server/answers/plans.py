@@ -17,8 +17,7 @@ from ....analysis.observability.aim import AimedPlan, aim_plan
 from ....analysis.observability.check import Check, Violation, WithoutPosture, without_posture
 from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
-from ....experiments.plans.obstacles import write_obstacles
-from ....experiments.rigs_offered import offered_run
+from ....experiments.plans.make import write_obstacles
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
@@ -34,12 +33,11 @@ from ....words.message import message as message_of
 from ....words.observability import over_target_sentence
 from ....words.outlook_words import HEADS, TITLE, shown_remedies
 from ....words.plan_catalogue import violation_words
-from ..folder import Folder
-from ..index import yaml_path
+from ..index import Folder, yaml_path
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import VersionOfFile, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
-from .forms import RigForm, run_forms
+from .forms import RigForm, offered_run, run_forms
 from .robot_library import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits

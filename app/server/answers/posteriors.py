@@ -17,9 +17,9 @@ from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
 from ....model.records import it, record
 from ....words.wording import shown
-from ..folder import Folder
-from ..kept import kept
+from ..index import Folder
 from ..requests import end_point
+from ..versions import kept
 from .refits import fitted
 
 MOST_DRAWS = 2000  # shown

@@ -25,10 +25,9 @@ from ....model.parsing.validation import as_tuple
 from ....model.records import it, record
 from ....words.message import headline
 from ....words.misfit_words import criterion_sentence
-from ..folder import Folder
-from ..kept import kept
+from ..index import Folder
 from ..requests import end_point, wrong
-from ..versions import VersionOfFile, version_of
+from ..versions import VersionOfFile, kept, version_of
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
 _MOST_NAMED = 5  # measurements, in the name of a file

@@ -5,15 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ....model.options import Option
-from ..maker import KnownLog, Maker, OffsetFile, PlanProgram, PointNames, require_vendor
+from ..maker import KnownLog, Maker, OffsetFile, PlanProgram, PointNames, TaughtFormat, require_vendor
 from ..manifest import ProgramTemplate, ToolName, read_taught, taught_reader
-from ..taught_format import TaughtFormat
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
+    from ...command_options import ProgramMotion
     from ..calibration import RobotCalibration
-    from ..format_options import ProgramMotion
     from ..generic.layouts import CsvLayout
     from ..import_jobs import Imported, ImportJob
 
@@ -123,7 +122,7 @@ def _read(
         raise BadInput("--frame is of robtargets, and these need their tool", remedy="state --tool too")
     if tool is None:
         return read_taught(_FORMAT, job, points)
-    from .robtargets import joints_of
+    from ..taught_positions import joints_of
 
     note = f"; robtargets by inverse kinematics of the nominal arm, tool {tool}, frame {frame or 'wobj0'}"
     return read_taught(_FORMAT, job, points, posed=joints_of(job.robot, tool, frame, points), note=note)

@@ -1,8 +1,7 @@
 """Denso: PacScript programs."""
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat
 from ..manifest import ProgramName, ProgramTemplate, taught_reader
-from ..taught_format import TaughtFormat
 
 _NAME = ProgramName.word("program", "PacScript", 64, "zb_plan.pcs")
 _PROGRAM = ProgramTemplate("denso", "a PacScript program", "J", name=_NAME)

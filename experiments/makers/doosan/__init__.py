@@ -1,8 +1,7 @@
 """Doosan: DRL programs."""
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat
 from ..manifest import ProgramTemplate, taught_reader
-from ..taught_format import TaughtFormat
 
 _PROGRAM = ProgramTemplate("doosan", "a DRL program", "posj", quote=lambda text: text.replace('"', ""))
 _FORMAT = TaughtFormat(

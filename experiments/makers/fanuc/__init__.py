@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ....model.options import JOINT_3, J3Origin, Option
-from ..maker import Maker, OffsetFile, PlanProgram, PointNames
+from ..maker import Maker, OffsetFile, PlanProgram, PointNames, TaughtFormat, TaughtPoint
 from ..manifest import ProgramName, ProgramTemplate, ToolName, read_taught, taught_reader
-from ..taught_format import TaughtFormat, TaughtPoint
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
+    from ...command_options import ProgramMotion
     from ..calibration import RobotCalibration
-    from ..format_options import ProgramMotion
     from ..import_jobs import Imported, ImportJob
 
 

@@ -13,7 +13,7 @@ from ....model.kinematics.pendant import encoder3_of, pendant_of
 from ....model.kinematics.robot import J3, Robot
 from ..calibration import RobotCalibration
 from ..maker import numbers_of, require_vendor
-from ..sheets import sheet_text
+from ..plan_programs import sheet_text
 from .backup import FEWEST_PULSES, MOST_PULSES, FanucBackup, read_fanuc_backup
 
 

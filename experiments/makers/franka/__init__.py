@@ -1,8 +1,7 @@
 """Franka: joint lists in radians, out and back."""
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat
 from ..manifest import ProgramTemplate, taught_reader
-from ..taught_format import TaughtFormat
 
 _PROGRAM = ProgramTemplate("franka", "a joint list of libfranka", "the list", 7)
 _FORMAT = TaughtFormat(

@@ -13,21 +13,21 @@ from .layouts import NO_DWELLS, CsvLayout, PointLayout, Stillness
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
+    from ...command_options import ProgramMotion
     from ..calibration import RobotCalibration
-    from ..format_options import ProgramMotion
     from ..import_jobs import Imported, ImportJob
 
 
 def _robot(run: "Run", calibration: "RobotCalibration") -> str:
     """A corrected robot file: offsets, link lengths and angles in its Denavit-Hartenberg rows."""
-    from .robot_rows import robot_text
+    from .robot_files import robot_text
 
     return robot_text(run, calibration)
 
 
 def _urdf(run: "Run", calibration: "RobotCalibration") -> str:
     """A corrected URDF: offsets, link lengths and angles in the origins of its joints."""
-    from .urdf_export import urdf_text
+    from .robot_files import urdf_text
 
     return urdf_text(run, calibration)
 
@@ -48,14 +48,14 @@ def _of_a_moving_tip(run: "Run") -> Collection[str]:
 
 def _json(run: "Run", calibration: "RobotCalibration") -> str:
     """All parameters with uncertainty and covariance as JSON, for programs."""
-    from .offsets_data import json_text
+    from .written_tables import json_text
 
     return json_text(calibration)
 
 
 def _csv(run: "Run", calibration: "RobotCalibration") -> str:
     """The offsets with their uncertainty as a table, for spreadsheets."""
-    from .offsets_data import csv_text
+    from .written_tables import csv_text
 
     return csv_text(calibration)
 
@@ -70,7 +70,7 @@ _ROBODK = ProgramTemplate(
 
 
 def _ros_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .plan_tables import ros_trajectories
+    from .written_tables import ros_trajectories
 
     return {file: ros_trajectories(plan, motion)}
 
@@ -81,7 +81,7 @@ def _ros_counting(plan: "Plan", motion: "ProgramMotion") -> str | None:
 
 
 def _csv_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
-    from .plan_tables import csv_table
+    from .written_tables import csv_table
 
     return {file: csv_table(plan, motion)}
 
@@ -94,7 +94,7 @@ def _csv_counting(plan: "Plan", motion: "ProgramMotion") -> str | None:
 
 def _read_csv(job: "ImportJob", layout: CsvLayout, still: Stillness) -> "Imported":
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
-    from .csv_file import import_csv
+    from .joint_logs import import_csv
 
     return import_csv(job, layout, still)
 

@@ -1,8 +1,7 @@
 """Kawasaki: AS programs."""
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat
 from ..manifest import ProgramName, ProgramTemplate, taught_reader
-from ..taught_format import TaughtFormat
 
 _NAME = ProgramName.word("program", "AS", 15, "zb_plan.as")
 _PROGRAM = ProgramTemplate("kawasaki", "an AS program", "a joint displacement value", name=_NAME)

@@ -2,9 +2,8 @@
 
 import re
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat, TaughtPoint
 from ..manifest import ProgramName, ProgramTemplate, ToolName, sheet_file, taught_reader
-from ..taught_format import TaughtFormat, TaughtPoint
 
 # What the program of a plan records: the axes at posture n, and whether they are.
 _MEASURED = re.compile(r"\bZB_M(\d{1,9})\b", re.IGNORECASE)

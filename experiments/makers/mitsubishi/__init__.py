@@ -1,8 +1,7 @@
 """Mitsubishi: MELFA-BASIC V and VI programs."""
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat
 from ..manifest import ProgramName, ProgramTemplate, taught_reader
-from ..taught_format import TaughtFormat
 
 _NAME = ProgramName(
     r"[A-Za-z0-9]\w{0,15}", "program", "the controller", "letters, digits and _: at most 16 (ZB_PLAN.prg)"

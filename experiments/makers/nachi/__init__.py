@@ -2,9 +2,8 @@
 
 import re
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat, TaughtPoint
 from ..manifest import ProgramTemplate, ToolName, taught_reader
-from ..taught_format import TaughtFormat, TaughtPoint
 
 _LABELLED = re.compile(
     r"""^[ \t]*(?:REM[ \t]*"|')(zb_[pv][\d_]+)\b[^\n]*\n[ \t]*MOVEX\b""", re.MULTILINE | re.IGNORECASE

@@ -1,8 +1,7 @@
 """Stäubli: VAL3 applications."""
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat, TaughtPoint
 from ..manifest import ProgramName, ProgramTemplate, taught_reader
-from ..taught_format import TaughtFormat, TaughtPoint
 
 
 def _named(text: str, points: list[TaughtPoint]) -> list[TaughtPoint]:

@@ -1,8 +1,7 @@
 """Techman: TMscript programs."""
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat
 from ..manifest import ProgramTemplate, taught_reader
-from ..taught_format import TaughtFormat
 
 _PROGRAM = ProgramTemplate("techman", "a TMscript program", "JPP", quote=lambda text: text.replace('"', ""))
 _FORMAT = TaughtFormat(

@@ -24,15 +24,15 @@ from ..manifest import ProgramTemplate
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
+    from ...command_options import ProgramMotion
     from ..calibration import RobotCalibration
-    from ..format_options import ProgramMotion
     from ..generic.layouts import CsvLayout
     from ..import_jobs import Imported, ImportJob
 
 
 def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
-    from ..sheets import sheet_text
+    from ..plan_programs import sheet_text
     from .kinematics import require_factory_arm
 
     require_vendor(run.robot, "universal-robots", "this sheet")

@@ -29,11 +29,10 @@ from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES
 from ....model.kinematics.dh import DHRow, dh_chain, with_fixed
 from ....model.kinematics.orientation import angles_of
-from ....model.kinematics.robot import Robot
-from ....model.kinematics.transforms import euler, shift
+from ....model.kinematics.robot import Robot, euler, shift
 from ....model.parsing.reading import did_you_mean, read_bytes, read_text, read_yaml
 from ..calibration import RobotCalibration
-from ..generic.robot_rows import rows_text
+from ..generic.robot_files import rows_text
 from ..maker import one_line, require_vendor
 
 DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")

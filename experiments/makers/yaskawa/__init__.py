@@ -4,13 +4,12 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram
+from ..maker import Maker, PlanProgram, TaughtFormat, TaughtPoint
 from ..manifest import ProgramName, ProgramTemplate, ToolName, sheet_file, taught_reader
-from ..taught_format import TaughtFormat, TaughtPoint
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
-    from ..format_options import ProgramMotion
+    from ...command_options import ProgramMotion
 
 
 _LABELLED = re.compile(

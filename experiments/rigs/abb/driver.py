@@ -20,11 +20,9 @@ from ....model.errors import BadInput, RigFault
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ....words.numbers import percent
-from ...sensors.camera import Image
-from ...sensors.controller_sensors import Sensors
-from .access import Caution, ControllerAccess, require_six_axes
+from ...sensors.detectors import Image, Sensors
 from .egm_client import Guidance
-from .rws_client import RwsSession
+from .rws_client import Caution, ControllerAccess, RwsSession, require_six_axes
 
 T = TypeVar("T")
 

@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from ....analysis.estimation.threads import one_blas_thread
 from ....analysis.observability.aim import aim, servo_joints
 from ....model.arrays import Matrix
 from ....model.files.header import Header
-from ....model.files.limits import beyond_limits
+from ....model.files.joint_values import beyond_limits
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
+from ....model.kernel import one_blas_thread
 from ....model.kinematics.pendant import Pendant, nearest_limit
 from ....model.kinematics.plausible import ONE_TURN
 from ....model.likelihood.problem import Problem

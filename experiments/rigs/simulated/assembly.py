@@ -13,14 +13,12 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.instruments.flange_tool import flange_tool
 from ....model.instruments.kind import Instrument
-from ....model.kinematics.robot import Robot, same_arm
-from ....model.kinematics.transforms import euler, pose_of
+from ....model.kinematics.robot import Robot, euler, pose_of, same_arm
 from ....model.likelihood.constraint import ShotFunctions, shot_functions
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.problem import Problem
 from ....model.parsing.reading import KeyPath, did_you_mean
-from ...sensors.camera import Camera
-from ...sensors.psd import Psd
+from ...sensors.detectors import Camera, Psd
 from ...simulate import Truth
 from .cell_file import CameraInCell, CellFile, EachJoint, EncoderGlitch, PlacedPsd
 

@@ -37,7 +37,7 @@ from ....model.parsing.validation import (
     refusal,
     tuple_of,
 )
-from ...sensors.psd import face_normal
+from ...sensors.detectors import face_normal
 
 
 class _AtShot(FileModel):

@@ -47,7 +47,7 @@ from ....model.parsing.validation import (
     with_length,
 )
 from ....words import numbers
-from ...plans.plan_options import (
+from ...measuring_options import (
     AcceptanceDeg,
     CriterionOfPlan,
     FlangeRoll,

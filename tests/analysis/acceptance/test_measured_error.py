@@ -8,7 +8,7 @@ import pytest
 from exact_runs import demo_runs
 from scipy.optimize import least_squares
 
-from zerobeam.analysis.acceptance.acceptance import measured_error
+from zerobeam.analysis.acceptance import measured_error
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem

@@ -7,7 +7,7 @@ import pytest
 from exact_runs import demo_runs
 from plan_requests import plan_request
 
-from zerobeam.analysis.acceptance.acceptance import AIM, POWER, AcceptancePrediction, lacking_test
+from zerobeam.analysis.acceptance import AIM, POWER, AcceptancePrediction, lacking_test
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.prediction import Predictor, of_rows
 from zerobeam.experiments.plans.make import MadePlan, make_plan

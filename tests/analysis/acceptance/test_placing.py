@@ -4,7 +4,7 @@ import numpy as np
 from cells import irb1600
 from measured_arms import CELLS, recorded
 
-from zerobeam.analysis.acceptance.acceptance import _placing
+from zerobeam.analysis.acceptance import _placing
 from zerobeam.model.likelihood.problem import Problem
 
 

@@ -27,12 +27,12 @@ import zerobeam as zb
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose, undecided
 from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes, file_variants
 from zerobeam.analysis.diagnostics.suspects import Cause
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.misfit import TightPrior
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.kinematics.dh import along_z
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem

@@ -14,7 +14,6 @@ from deviating_arms import POINT, Arms, N
 from scipy import stats
 
 from zerobeam.analysis.diagnostics.values_to_enter import TcpError, entered
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.tcp_region import region_postures
@@ -22,6 +21,7 @@ from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.stated_workspace import StatedWorkspace
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 
 TARGET = np.array([900.0, 0.0, 0.0])

@@ -6,7 +6,7 @@ from plain_posterior import PlainPosterior
 from scipy import stats
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.diagnostics.influence import STUDENT_NU, _weights, fit_robust, outlying
+from zerobeam.analysis.diagnostics.outliers import STUDENT_NU, _weights, fit_robust, outlying
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.finding_words import notes, robust_message

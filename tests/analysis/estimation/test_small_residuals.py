@@ -10,8 +10,7 @@ import pytest
 from cells import good_plan, run_of, simulated
 from scipy import stats
 
-from zerobeam.analysis.estimation.effective_dof import as_small
-from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.estimation.fit import LikelihoodFit, as_small, fit_likelihood
 from zerobeam.analysis.status import LACK_OF_FIT
 from zerobeam.experiments.simulate import Truth
 from zerobeam.model.likelihood.problem import Problem

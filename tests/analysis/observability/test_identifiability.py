@@ -37,7 +37,7 @@ from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kinematics.transforms import rotation_about
+from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.observability import direction_remedy, reason, remedy
 from zerobeam.words.wording import listed

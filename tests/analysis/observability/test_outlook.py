@@ -31,9 +31,9 @@ from zerobeam.analysis.observability.predictions import (
     predicted_covariance,
 )
 from zerobeam.analysis.status import known
+from zerobeam.experiments.measuring_options import PlanOptions
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
-from zerobeam.experiments.plans.plan_options import PlanOptions
 from zerobeam.experiments.schema import json_schema
 from zerobeam.model.files.plan import USUAL, Plan, StatedConstraints, read_plan
 from zerobeam.model.instruments.kind import ON_FLANGE, Measurement

@@ -16,13 +16,13 @@ from plan_requests import plan_request
 from scipy.spatial.transform import Rotation
 
 from zerobeam.analysis.diagnostics.values_to_enter import controller_arm, held_by_a_robot, values_to_enter
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.outlook import COVERAGE, SIGMA_MM, OutlookRow
 from zerobeam.analysis.tcp_region import default_point, region_postures
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.instruments.kind import Measurement
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 
 TARGET = (900.0, 0.0, 0.0)

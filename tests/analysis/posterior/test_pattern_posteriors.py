@@ -18,7 +18,6 @@ from measured_arms import CELLS, recorded
 from scipy import stats
 
 from zerobeam.analysis.estimation.coordinates import FlangeCoordinates
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.posterior import posterior as posterior_module
 from zerobeam.analysis.posterior.posterior import Agreement, PosteriorSummary, sample_posterior
@@ -26,6 +25,7 @@ from zerobeam.analysis.solution import Solution
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.finding_words import posterior_message

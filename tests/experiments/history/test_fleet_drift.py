@@ -10,7 +10,7 @@ import pytest
 from arms_over_years import without_offset
 from histories import a_result, write_result
 
-from zerobeam.experiments.history.arm_drift import ArmDrift, Rate, arm_drift
+from zerobeam.experiments.history.arm_history import ArmDrift, Rate, arm_drift
 from zerobeam.experiments.history.fleet_drift import FleetDrift, fleet_drift
 from zerobeam.experiments.history.stored_result import StoredResult, read_entry
 from zerobeam.model.records import to_json

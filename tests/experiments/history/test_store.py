@@ -20,7 +20,7 @@ from histories import a_result, adding, as_misfit, postgresql, write_result
 
 from zerobeam.analysis.row import ParameterRow
 from zerobeam.experiments.history import store
-from zerobeam.experiments.history.arm_drift import arm_drift
+from zerobeam.experiments.history.arm_history import arm_drift
 from zerobeam.experiments.history.database import Database, document, open_history
 from zerobeam.experiments.history.store import (
     add,

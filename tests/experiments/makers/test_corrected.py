@@ -17,9 +17,8 @@ from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.makers.abb import rapid_text
 from zerobeam.experiments.makers.calibration import Holds, RobotCalibration, calibration
-from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
-from zerobeam.experiments.makers.generic.robot_rows import robot_text
-from zerobeam.experiments.makers.generic.urdf_export import urdf_text
+from zerobeam.experiments.makers.generic.robot_files import robot_text, urdf_text
+from zerobeam.experiments.makers.generic.written_tables import csv_text, json_text
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput

@@ -40,7 +40,7 @@ def program(plan, motion, file):
 
 def read(job, skip: Annotated[int, Option("Lines to skip.", least=0)] = 0):
     """ACME: joints, a line each."""
-    from zerobeam.experiments.makers.taught_format import TaughtPoint
+    from zerobeam.experiments.makers.maker import TaughtPoint
     from zerobeam.experiments.makers.taught_positions import import_points
 
     def parse(text, path):

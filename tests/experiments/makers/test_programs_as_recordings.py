@@ -11,7 +11,7 @@ import yaskawa_controller
 from program_arm import PendantArm, plan_for
 
 from zerobeam.experiments.makers.contents import contents_of
-from zerobeam.experiments.makers.generic.csv_file import CsvLayout, import_csv
+from zerobeam.experiments.makers.generic.joint_logs import CsvLayout, import_csv
 from zerobeam.experiments.makers.import_jobs import Imported, ImportJob
 from zerobeam.experiments.makers.maker import Maker, PlanProgram, makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, program_texts, write_program

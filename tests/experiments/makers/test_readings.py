@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from recorded_logs import POSTURES
 
-from zerobeam.experiments.makers.contents import TableColumn, proposed_columns
-from zerobeam.experiments.makers.joint_conventions import (
+from zerobeam.experiments.makers.contents import (
+    TableColumn,
     j3_reading,
     length_reading,
+    proposed_columns,
     sign_readings,
     unit_reading,
 )

@@ -14,7 +14,7 @@ from command_line import zerobeam
 from plan_requests import plan_request
 from ruamel.yaml import YAML
 
-from zerobeam.analysis.acceptance.acceptance import choose
+from zerobeam.analysis.acceptance import choose
 from zerobeam.analysis.diagnostics.values_to_enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.aim import AimedPlan, aim_plan

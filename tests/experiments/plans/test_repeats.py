@@ -17,19 +17,19 @@ from deviating_arms import Arms
 from plan_requests import plan_request
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose, undecided
-from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.changes import RepeatsApart, repeated, repeats_differ
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.analysis.observability.power import powers
 from zerobeam.analysis.solution import Solution
-from zerobeam.experiments.makers.generic.csv_file import CsvLayout, import_csv
+from zerobeam.experiments.makers.generic.joint_logs import CsvLayout, import_csv
 from zerobeam.experiments.makers.import_jobs import ImportJob
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, program_texts
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, first_in_turn, read_plan
 from zerobeam.model.files.run import read_run
+from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.message import message_so_far
 from zerobeam.words.misfit_words import cause_sentence

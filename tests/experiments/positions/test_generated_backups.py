@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from made_backups import DIALECTS, ENTERED, Dialect, MadeBackup, kept, texts_after, written
 
-from zerobeam.experiments.positions.audit import restored
+from zerobeam.experiments.converted_programs import restored
 from zerobeam.experiments.positions.conversion import Conversion
 from zerobeam.model.arrays import Matrix
-from zerobeam.reports.positions.positions_page import write_conversion
+from zerobeam.reports.positions_page import write_conversion
 
 # 300 seeds a language; all but the first are long, by 23 in one test.
 SEEDS = [range(1), *(pytest.param(range(k, k + 23), marks=pytest.mark.long) for k in range(1, 300, 23))]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from made_backups import DIALECTS, kept, written
 
+from zerobeam.experiments.command_options import BackupOptions, ZeroOptions
 from zerobeam.experiments.converted_programs import kept_programs
 from zerobeam.experiments.positions.conversion import Conversion
-from zerobeam.experiments.positions.positions_options import BackupOptions, ZeroOptions
 from zerobeam.model.errors import BadInput
 
 MAMES = [0.0, -90.0, 90.0, 0.0, 0.0, 0.0]

@@ -23,19 +23,19 @@ from made_backups import DIALECTS, Dialect, MadeBackup, MadePosition, texts_afte
 from scipy.spatial.transform import Rotation
 
 from zerobeam.experiments import converted_programs
+from zerobeam.experiments.command_options import BackupOptions, ReachOptions, ZeroOptions
 from zerobeam.experiments.converted_programs import kept_programs, reached_programs
 from zerobeam.experiments.makers import calibration
 from zerobeam.experiments.makers.calibration import NotValidated
 from zerobeam.experiments.positions import arm_change
 from zerobeam.experiments.positions.conversion import Conversion
-from zerobeam.experiments.positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.output.terminal import page_text
-from zerobeam.reports.positions.positions_page import positions_page, write_conversion
+from zerobeam.reports.positions_page import positions_page, write_conversion
 
 OFFSETS = np.array([0.0, -0.4, 0.3, 0.3, -0.5, 0.6])  # deg
 TARGET = (500.0, 0.0, 200.0)

@@ -15,16 +15,15 @@ from export_runs import arm_run
 from made_backups import DIALECTS, ENTERED, MadeBackup, MadePosition, kept, texts_after, written
 from scipy.spatial.transform import Rotation
 
-from zerobeam.experiments.converted_programs import kept_programs, reached_programs, shown_programs
+from zerobeam.experiments.command_options import BackupOptions, ReachOptions, ZeroOptions
+from zerobeam.experiments.converted_programs import kept_programs, reached_programs, restored, shown_programs
 from zerobeam.experiments.makers.calibration import calibration
-from zerobeam.experiments.makers.generic.robot_rows import robot_text
+from zerobeam.experiments.makers.generic.robot_files import robot_text
 from zerobeam.experiments.positions import arm_change, position
-from zerobeam.experiments.positions.audit import restored
-from zerobeam.experiments.positions.positions_options import BackupOptions, ReachOptions, ZeroOptions
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import write_run
-from zerobeam.reports.positions.positions_page import write_conversion
+from zerobeam.reports.positions_page import write_conversion
 
 RAPID, KRL, TP = DIALECTS["RAPID"], DIALECTS["KRL"], DIALECTS["TP"]
 UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"

@@ -13,7 +13,7 @@ from node import drawn
 
 from zerobeam import app
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.positions.positions_page import write_conversion
+from zerobeam.reports.positions_page import write_conversion
 
 
 def zipped(path: Path, files: dict[str, str]) -> Path:

@@ -11,9 +11,8 @@ import pytest
 from cells import AXIS_LASER, OPEN_LASER, PROBE, good_plan, header, plan_of, run_of, simulated
 
 from zerobeam.experiments.procedure.beam_ports import BeamPorts
-from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.rig import Rig
-from zerobeam.experiments.procedure.session import Session
+from zerobeam.experiments.procedure.session import InTurn, Session
 from zerobeam.experiments.rigs.replay import ReplayRig
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from amplifier_stand_in import AmplifierStandIn, LineFaults
 
 from zerobeam.experiments.sensors import amplifier as module
 from zerobeam.experiments.sensors.amplifier import (
@@ -23,7 +24,6 @@ from zerobeam.experiments.sensors.amplifier import (
     verified_body,
     with_checksum,
 )
-from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 

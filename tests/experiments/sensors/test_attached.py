@@ -8,20 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amplifier_stand_in import AmplifierStandIn, LineFaults
 from beside import RATE, calibrated, psd, sensors
 from cells import good_plan
 
 from zerobeam.experiments.procedure.beam_ports import BeamPorts
-from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.readings import read_dark, read_spot
-from zerobeam.experiments.procedure.rig import RefusalReason
-from zerobeam.experiments.procedure.search import LIT
-from zerobeam.experiments.procedure.session import Session, SessionResult
+from zerobeam.experiments.procedure.rig import RefusalReason, read_dark, read_spot
+from zerobeam.experiments.procedure.session import InTurn, Session, SessionResult
+from zerobeam.experiments.procedure.steering import LIT
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
 from zerobeam.experiments.sensors.attached import read_sensors
-from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
 from zerobeam.experiments.studies.cell import MemoryJournal
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from zerobeam.experiments.rigs.simulated import sensing
-from zerobeam.experiments.rigs.simulated.sensing import ELECTRONS, PictureScene, render
+from zerobeam.experiments.rigs.simulated import simulator
+from zerobeam.experiments.rigs.simulated.simulator import ELECTRONS, PictureScene, render
 from zerobeam.experiments.sensors import markers
-from zerobeam.experiments.sensors.camera import Camera
+from zerobeam.experiments.sensors.detectors import Camera
 from zerobeam.experiments.sensors.markers import (
     Blob,
     NoPair,
@@ -64,7 +64,7 @@ def centroid_variance(light: float, sigma: float, room: dict[str, Any]) -> float
 @pytest.fixture
 def level(monkeypatch):
     """A background without a slope."""
-    monkeypatch.setattr(sensing, "SLOPE", 0.0)
+    monkeypatch.setattr(simulator, "SLOPE", 0.0)
 
 
 def shifted_errors(find: Any, count: int = 300, **room: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +127,7 @@ def test_what_a_sloping_background_does():
     """
     light, sigma = LED_LIGHT / 0.49, np.hypot(800 * LED_SIZE / 700, 1.2)
     errors, _ = shifted_errors(lambda image: at(blobs(image)[0]))
-    slope = ROOM["ambient"] * sensing.SLOPE / 63
+    slope = ROOM["ambient"] * simulator.SLOPE / 63
     drawn = 8 * np.pi * slope * sigma**4 / light
     assert 0.009 < drawn < 0.011
     own = np.sqrt(1.2 * centroid_variance(light, sigma, ROOM) / len(errors))

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from beside import CAMERA
 
-from zerobeam.experiments.sensors.camera import Camera, Image
-from zerobeam.experiments.sensors.opencv_pictures import Pictures, open_camera
+from zerobeam.experiments.sensors.detectors import Camera, Image
+from zerobeam.experiments.sensors.markers import Pictures, open_camera
 from zerobeam.experiments.sensors.sensors_file import CameraBeside
 from zerobeam.model.errors import BadInput, RigFault
 

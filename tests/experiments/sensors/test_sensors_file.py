@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amplifier_stand_in import AmplifierStandIn
 from beside import CAMERA, MOUNT, calibrated, calibration, psd, sensors, write
 from cells import good_plan, header, plan_of
 
-from zerobeam.experiments.rigs.simulated.sensing import SimulatedPsd
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedPsd
 from zerobeam.experiments.sensors.amplifier import parse_sample, verified_body
 from zerobeam.experiments.sensors.attached import read_sensors
-from zerobeam.experiments.sensors.psd import Psd, PsdKind
+from zerobeam.experiments.sensors.detectors import Psd, PsdKind
 from zerobeam.experiments.sensors.sensors_file import (
     CameraBeside,
     PsdBeside,
@@ -24,7 +25,6 @@ from zerobeam.experiments.sensors.sensors_file import (
     read_calibration,
     read_sensors_file,
 )
-from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 

@@ -17,8 +17,8 @@ import pytest
 from command_line import zerobeam
 from live_controllers import LiveArm, TcpStandIn, UrStandIn
 
+from zerobeam.experiments.sensors.attached import InstrumentLines, ReadingRefused, line_pattern
 from zerobeam.experiments.sensors.sensors_file import LineSource, read_sensors_file
-from zerobeam.experiments.sensors.text_lines import InstrumentLines, ReadingRefused, line_pattern
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.run import read_run
 

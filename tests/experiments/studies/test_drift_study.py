@@ -10,8 +10,7 @@ from zerobeam.experiments.studies import drift_coverage as module
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.drift_coverage import DriftStudy, drift_study
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.studies.drift_page import DRIFT
-from zerobeam.reports.studies.kinds import study_page
+from zerobeam.reports.studies.study_pages import DRIFT, study_page
 
 
 @pytest.mark.long

@@ -12,8 +12,7 @@ from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.instrument_choice import BUILT_IN, SetupsFile, instruments_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.parsing.validation import read_model
-from zerobeam.reports.studies.instruments_page import INSTRUMENTS
-from zerobeam.reports.studies.kinds import study_page
+from zerobeam.reports.studies.study_pages import INSTRUMENTS, study_page
 
 TWO = """\
 schema: zerobeam/setups/1

@@ -15,8 +15,7 @@ from zerobeam.experiments.studies.wrong_arms import recorded, scenarios, typical
 from zerobeam.experiments.studies.wrong_models import header_of, plan_of, wrong_models_study
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.studies.kinds import study_page
-from zerobeam.reports.studies.wrong_models_page import WRONG_MODELS, markdown
+from zerobeam.reports.studies.study_pages import WRONG_MODELS, markdown, study_page
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from zerobeam.model.files.header import Header, UrdfRef, check_header, header_content
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.kinematics.robot import Joint, Robot
 
 LASER = """\

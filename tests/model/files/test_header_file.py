@@ -8,7 +8,7 @@ from exact_runs import demo_runs
 from zerobeam.analysis.analyse import analyse
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import header_content
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.parsing.confinement import TOLERANCES, confined

@@ -7,7 +7,7 @@ import pytest
 from stub_kinds import stub_kinds
 
 from zerobeam.model.files.header import Header, header_content
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.instruments import registry
 from zerobeam.model.parsing.validation import validate
 

@@ -10,7 +10,7 @@ from cells import LASER, OPEN_LASER, header, irb1600
 import zerobeam as zb
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header, StatedGeometry
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.model.parsing.validation import validate
 

@@ -12,12 +12,12 @@ from exact_runs import demo_runs
 import zerobeam as zb
 from zerobeam.analysis.tcp_region import region_of, region_postures
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.measurements import read_header
 from zerobeam.model.files.plan import read_plan, write_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.region_words import region_words
+from zerobeam.words.outlook_words import region_words
 
 HEADER = """\
 robot: {robot}

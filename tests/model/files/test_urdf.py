@@ -5,7 +5,7 @@ import pytest
 
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.kinematics.plausible import DoubtfulRobot
-from zerobeam.model.kinematics.transforms import euler
+from zerobeam.model.kinematics.robot import euler
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

@@ -8,7 +8,7 @@ from zerobeam.model.kinematics.orientation import (
     from_quaternion,
     orientation,
 )
-from zerobeam.model.kinematics.transforms import euler
+from zerobeam.model.kinematics.robot import euler
 
 
 def about(axis: str, degrees: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header, header_content
-from zerobeam.model.files.limits import check_limits
+from zerobeam.model.files.joint_values import check_limits
 from zerobeam.model.files.robot_file import load_robot, rebased
 from zerobeam.model.kinematics.pendant import (
     Pendant,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import zerobeam as zb
-from zerobeam.experiments.urdf_robot import UrdfChain, content_of_chain
+from zerobeam.experiments.new_robot import UrdfChain, content_of_chain
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import (
     BUILT_IN,

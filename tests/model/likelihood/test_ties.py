@@ -8,7 +8,7 @@ from cells import irb1600
 from measured_arms import CELLS, recorded
 from plain_model import by_complex_steps
 
-from zerobeam.model.instruments.rotations import basis_across
+from zerobeam.model.instruments.frames import basis_across
 from zerobeam.model.instruments.tips import normals_at
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.parameters import Angle

@@ -25,8 +25,6 @@ from zerobeam.experiments.history.certified import (
     Certificate,
     CertifiedResult,
     certificate_of,
-)
-from zerobeam.experiments.history.signing import (
     fingerprint,
     grouped,
     private_key,

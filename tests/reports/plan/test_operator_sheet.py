@@ -16,7 +16,7 @@ from pypdf import PdfReader
 import zerobeam as zb
 from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.experiments.plans.constraints import check_plan
-from zerobeam.experiments.rigs.manual.instrument_readings import InstrumentReadings, entered_readings
+from zerobeam.experiments.rigs.manual.hand_ports import InstrumentReadings, entered_readings
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.instruments.registry import KINDS
 from zerobeam.model.likelihood.problem import Problem

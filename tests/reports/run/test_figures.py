@@ -18,7 +18,7 @@ from zerobeam.reports.run.parameter_section import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture
 from zerobeam.reports.run.residuals import drawn_of, residuals_picture
 from zerobeam.reports.style.canvas import themed
-from zerobeam.reports.style.palette import PALETTE
+from zerobeam.reports.style.theme import PALETTE
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -23,7 +23,7 @@ from zerobeam.reports.run.brief_page import front_page
 from zerobeam.reports.run.front import MAP, front
 from zerobeam.reports.run.report import pictures, report_page
 from zerobeam.reports.run.run_scene import run_turnable
-from zerobeam.reports.scenes.turnable import STILL, still_picture
+from zerobeam.reports.scene import STILL, still_picture
 from zerobeam.reports.style.blocks import Bars, Block, FigureBlock, Paragraph, Table
 from zerobeam.words import numbers
 from zerobeam.words.entries import MOST_CAUTIONS

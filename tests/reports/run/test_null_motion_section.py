@@ -19,11 +19,11 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.plan.plan_page import plan_page
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.unobservable import (
+    NAME,
     motion_picture,
     null_motion_picture_of,
     null_motion_section,
 )
-from zerobeam.reports.scenes.null_motion_picture import NAME
 from zerobeam.reports.style.blocks import FigureBlock
 from zerobeam.reports.style.canvas import MovingPicture
 

@@ -12,7 +12,7 @@ from example_results import EXAMPLES, good
 
 from zerobeam.model.files.run import read_run
 from zerobeam.reports.run.residuals import residual_map_picture
-from zerobeam.reports.style.palette import light
+from zerobeam.reports.style.theme import light
 
 
 @pytest.mark.parametrize("name", ["good", "misfit"])

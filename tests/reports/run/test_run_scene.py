@@ -17,7 +17,7 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.solution import ParameterTable
 from zerobeam.reports.output.html import Turnable, scene_html, style
 from zerobeam.reports.run.run_scene import half_axes, run_scene, run_turnable, scene_section
-from zerobeam.reports.scenes.scene import Placed, Posed, Scene3D
+from zerobeam.reports.scene import Placed, Posed, Scene3D
 
 
 def turned(result: Result) -> Turnable:

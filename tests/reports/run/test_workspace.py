@@ -24,7 +24,7 @@ from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.workspace import class_edges, class_of, workspace_picture, workspace_section
 from zerobeam.reports.style.blocks import FigureBlock, Paragraph
 from zerobeam.reports.style.canvas import themed
-from zerobeam.reports.style.palette import PALETTE
+from zerobeam.reports.style.theme import PALETTE
 from zerobeam.words.enter import enter_sentence
 from zerobeam.words.message import message
 from zerobeam.words.wording import sentence

@@ -27,11 +27,11 @@ from study_text import printed, tables_of, texts_of, untrue, words
 from zerobeam.experiments.studies.answer import StudyAnswer
 from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
-from zerobeam.reports.studies.kinds import study_of, study_page
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED, flat
+from zerobeam.reports.studies.study_pages import study_of, study_page
 from zerobeam.reports.style.blocks import Page as View
 from zerobeam.reports.style.canvas import Picture
-from zerobeam.words.spreadsheet import csv_text
+from zerobeam.words.wording import csv_text
 
 Json = dict[str, Any]
 

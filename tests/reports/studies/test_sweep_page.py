@@ -28,8 +28,15 @@ from study_text import is_rounded, printed, tables_of, untrue, words
 from zerobeam.experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy, RunErrors
 from zerobeam.model.records import to_json
 from zerobeam.reports.output.html import html
-from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page, write_study
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
+from zerobeam.reports.studies.study_pages import (
+    STUDIES,
+    SWEEP,
+    study_of,
+    study_of_file,
+    study_page,
+    write_study,
+)
 from zerobeam.reports.studies.sweep_figures import figure_names, gap, rmse_interval, tolerance
 from zerobeam.reports.style.blocks import Page as BlockPage
 from zerobeam.reports.style.blocks import Row

@@ -6,7 +6,7 @@ import copy
 
 import numpy as np
 
-from zerobeam.experiments.rigs.abb.access import require_six_axes
+from zerobeam.experiments.rigs.abb.rws_client import require_six_axes
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix

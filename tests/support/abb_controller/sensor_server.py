@@ -2,7 +2,7 @@
 
 They are not the controller's, and a real cell has them elsewhere; they are here because the simulated
 beam is. In the same process `CellSensors` reads them, from another one `RemoteSensors` by TCP (the protocol:
-experiments/sensors/controller_sensors.py).
+experiments/sensors/detectors.py).
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ import numpy as np
 from abb_controller.irc5 import Irc5
 from abb_controller.rws_server import QuietServer
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
-from zerobeam.experiments.sensors.camera import Image
-from zerobeam.experiments.sensors.psd import Psd
+from zerobeam.experiments.sensors.detectors import Image, Psd
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import ZerobeamError
 

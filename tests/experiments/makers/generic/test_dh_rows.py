@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.experiments.makers.generic.robot_rows import beyond_rows
+from zerobeam.experiments.makers.generic.robot_files import beyond_rows
 from zerobeam.model.files.robot_file import RobotFile, stated_rows
 from zerobeam.model.kinematics.dh import RowTable, dh_chain
 from zerobeam.model.kinematics.robot import Robot

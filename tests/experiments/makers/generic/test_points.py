@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from command_line import zerobeam
 
-from zerobeam.experiments.makers.generic.euler import found_order, rotations
+from zerobeam.experiments.makers.generic.points import found_order, rotations
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kinematics.transforms import rotation_about
+from zerobeam.model.kinematics.robot import rotation_about
 
 HEADER = """\
 robot: irb1600

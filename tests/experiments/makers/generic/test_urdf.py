@@ -23,13 +23,12 @@ from export_runs import (
 )
 
 from zerobeam.experiments.makers.calibration import JointOffset, RobotCalibration, calibration
-from zerobeam.experiments.makers.generic.urdf_export import urdf_text
+from zerobeam.experiments.makers.generic.robot_files import urdf_text
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.kinematics.orientation import angles_of
-from zerobeam.model.kinematics.robot import Robot
-from zerobeam.model.kinematics.transforms import euler
+from zerobeam.model.kinematics.robot import Robot, euler
 
 KINDS = {"turning": TURNING, "sliding": SLIDING}
 

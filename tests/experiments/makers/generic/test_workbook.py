@@ -12,11 +12,10 @@ from import_files import import_csv
 from openpyxl import Workbook
 
 from zerobeam.experiments.makers.contents import contents_of
-from zerobeam.experiments.makers.generic.csv_file import CsvLayout
+from zerobeam.experiments.makers.generic.joint_logs import CsvLayout
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files import workbook
-from zerobeam.model.files.text_tables import layout_of, table_of
-from zerobeam.model.files.workbook import is_workbook, table_text
+from zerobeam.model.files import text_tables
+from zerobeam.model.files.text_tables import is_workbook, layout_of, table_of, table_text
 
 ROWS = [
     [10, 20.5, -30, 40, 50.123456789012, -60],
@@ -143,9 +142,9 @@ def test_what_unpacks_to_too_much_is_not_unpacked(saved, monkeypatch, refused):
     file = saved(Sheet=ROWS)
     with zipfile.ZipFile(io.BytesIO(file.read_bytes())) as archive:
         unpacked = sum(entry.file_size for entry in archive.infolist())
-    monkeypatch.setattr(workbook, "_MOST_UNPACKED", unpacked)
+    monkeypatch.setattr(text_tables, "_MOST_UNPACKED", unpacked)
     table_text(file)
-    monkeypatch.setattr(workbook, "_MOST_UNPACKED", unpacked - 1)
+    monkeypatch.setattr(text_tables, "_MOST_UNPACKED", unpacked - 1)
     assert "too large" in refused(table_text, file).what
 
 

@@ -28,8 +28,8 @@ from run_events import as_json
 from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
-from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
+from zerobeam.experiments.rigs.abb.rws_client import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.errors import RigFault
 from zerobeam.model.files.plan import Plan

@@ -29,20 +29,20 @@ from controllers import unhurried
 
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
-from zerobeam.experiments.rigs.abb.access import (
+from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
+from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
+from zerobeam.experiments.rigs.abb.rws_client import (
     HOST,
     PASSWORD,
     SERVICE,
     USER,
     Caution,
     ControllerAccess,
+    RwsSession,
     Secret,
     Signal,
     find_access,
 )
-from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
-from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
-from zerobeam.experiments.rigs.abb.rws_client import RwsSession
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault

@@ -22,10 +22,9 @@ from controllers import UNLIMITED, Client, Watched, quick, unhurried
 
 from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.events import RunEvent, SpotSeen
-from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Session
-from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
+from zerobeam.experiments.procedure.session import InTurn, Session
 from zerobeam.experiments.rigs.abb.driver import AbbRig
+from zerobeam.experiments.rigs.abb.rws_client import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.studies.cell import MemoryJournal
 from zerobeam.interruption import requested, stoppable

@@ -28,8 +28,8 @@ from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.experiments.recording import Controller, RunRequest, record
-from zerobeam.experiments.rigs.abb.access import PASSWORD, USER, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
+from zerobeam.experiments.rigs.abb.rws_client import PASSWORD, USER, Caution, find_access
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan, read_plan

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amplifier_stand_in import AmplifierStandIn
 from beside import calibrated, psd, sensors
 from command_line import zerobeam
 from live_controllers import LiveArm, UrStandIn
@@ -15,9 +16,7 @@ from live_controllers import LiveArm, UrStandIn
 from zerobeam.experiments.procedure.events import MeasurementRecorded, Withdrawn
 from zerobeam.experiments.rigs.live import at_rest
 from zerobeam.experiments.rigs.live.at_rest import CentredLines
-from zerobeam.experiments.sensors.camera import Camera, Image
-from zerobeam.experiments.sensors.psd import Psd
-from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
+from zerobeam.experiments.sensors.detectors import Camera, Image, Psd
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import read_run
 

@@ -18,9 +18,8 @@ import pytest
 from live_controllers import STAND_INS, Closed, TcpStandIn, robot_of
 
 from zerobeam.experiments.rigs import transport
-from zerobeam.experiments.rigs.live.address import open_joints
-from zerobeam.experiments.rigs.live.joint_client import JointsRefused
-from zerobeam.experiments.rigs.live.rosbridge import WebSocket
+from zerobeam.experiments.rigs.live.at_rest import open_joints
+from zerobeam.experiments.rigs.live.joint_clients import JointsRefused, WebSocket
 from zerobeam.experiments.rigs.transport import LARGEST, BoundedSocket, LinkFault, Stream
 from zerobeam.model.errors import RigFault
 from zerobeam.model.kinematics.pendant import pendant_of
@@ -265,7 +264,7 @@ def test_http_of_a_controller_ends(
 ) -> None:
     pytest.importorskip("abb_robot_client")
     from zerobeam.experiments.rigs.abb import rws_client
-    from zerobeam.experiments.rigs.abb.access import ControllerAccess, Secret
+    from zerobeam.experiments.rigs.abb.rws_client import ControllerAccess, Secret
 
     monkeypatch.setattr(rws_client, "ANSWER_S", 0.15)
     monkeypatch.setattr(rws_client, "_BUSY_S", ())

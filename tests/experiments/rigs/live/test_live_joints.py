@@ -18,9 +18,8 @@ from zerobeam.experiments.procedure.events import Doubted, PostureRequested, Run
 from zerobeam.experiments.recording import Answers, RunRequest, record
 from zerobeam.experiments.rigs import transport
 from zerobeam.experiments.rigs.live import at_rest
-from zerobeam.experiments.rigs.live.address import SCHEMES, open_joints, parse_address
-from zerobeam.experiments.rigs.live.at_rest import STILL, JointsAtRest
-from zerobeam.experiments.rigs.live.joint_client import JointsRefused
+from zerobeam.experiments.rigs.live.at_rest import SCHEMES, STILL, JointsAtRest, open_joints, parse_address
+from zerobeam.experiments.rigs.live.joint_clients import JointsRefused
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run

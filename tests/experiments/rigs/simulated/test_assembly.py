@@ -22,8 +22,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.kinematics.dh import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Robot, same_arm
-from zerobeam.model.kinematics.transforms import rotation_about, shift
+from zerobeam.model.kinematics.robot import Robot, rotation_about, same_arm, shift
 from zerobeam.model.likelihood.problem import Problem
 
 HOME = np.radians([10.0, -20.0, 30.0, 40.0, -50.0, 60.0])

@@ -23,8 +23,7 @@ from run_events import as_json
 from zerobeam.analysis.observability.changes import displacement
 from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.events import RunEvent
-from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Session, SessionResult
+from zerobeam.experiments.procedure.session import InTurn, Session, SessionResult
 from zerobeam.experiments.rigs.simulated.cell_file import (
     FAULT_KINDS,
     CellFile,
@@ -165,7 +164,7 @@ def session(plan: Plan, cell: CellFile, file: Path, *, resumed: bool = False) ->
 
 KILLED = """
 import sys
-from zerobeam.experiments.procedure.order import InTurn
+from zerobeam.experiments.procedure.session import InTurn
 from zerobeam.experiments.procedure.beam_ports import BeamPorts
 from zerobeam.experiments.procedure.session import Session
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell

@@ -1,1 +1,0 @@
-"""The report of an acceptance test: how far the robot was off before and after its calibration."""

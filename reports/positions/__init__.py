@@ -1,1 +1,0 @@
-"""The table of a conversion of taught positions, and its folder."""

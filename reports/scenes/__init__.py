@@ -1,1 +1,0 @@
-"""Turnable pictures of a run or a plan, and the page of a plan."""
