@@ -15,7 +15,7 @@ from urllib.parse import quote
 import pytest
 import yaml
 from app_jobs import unfinished_run
-from app_page import SCREENS, App, app, root, touch, wait
+from app_page import SCREENS, App, app, fill, press, root, touch, wait
 from cells import good_plan
 from child import ABB_CONTROLLER, child
 from chromium import LAPTOP, Size, Tab, chromium
@@ -64,14 +64,6 @@ def measure(server: App, plan: str, rig: str = "simulated", size: Size = LAPTOP)
 
 def click(tab: Tab, element: str) -> None:
     tab.value(f"{element}.click()")
-
-
-def fill(tab: Tab, label: str, value: str) -> None:
-    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
-
-
-def press(tab: Tab, name: str) -> None:
-    tab.on(lambda page: page.get_by_role("button", name=name, exact=True).first.click())
 
 
 def start(tab: Tab) -> None:

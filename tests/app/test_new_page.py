@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from app_page import app, wait
+from app_page import app, fill, wait
 from chromium import Tab, chromium
 
 pytestmark = pytest.mark.browser
@@ -34,10 +34,6 @@ def tab(folder: Path) -> Iterator[Tab]:
             "document.body.textContent.includes('-330 mm') || document.body.textContent.includes('−330 mm')",
         )
         yield page
-
-
-def fill(tab: Tab, label: str, value: str) -> None:
-    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
 
 
 def make(tab: Tab) -> None:

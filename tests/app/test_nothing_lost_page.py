@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from app_page import app, root, wait
+from app_page import app, fill, press, root, wait
 from cells import LASER, good_plan, header, plan_of, varied_postures
 from chromium import LAPTOP, Tab, chromium
 from command_line import plan_file
@@ -56,14 +56,6 @@ def seven_joints(count: int = 6) -> Plan:
 def plan(address: str, name: str, beside: Tab | None = None) -> Iterator[Tab]:
     with chromium().opened(f"{address}#/job/cell/plan/cell/{name}", LAPTOP, beside=beside) as tab:
         yield tab
-
-
-def press(tab: Tab, name: str) -> None:
-    tab.on(lambda page: page.get_by_role("button", name=name, exact=True).first.click())
-
-
-def fill(tab: Tab, label: str, value: str) -> None:
-    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
 
 
 def content(path: Path) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
-from app_page import SCREENS, app, root, wait
+from app_page import SCREENS, app, fill, press, root, wait
 from cells import good_plan, pattern_plan
 from chromium import LAPTOP, Size, Tab, chromium
 from command_line import plan_file
@@ -48,14 +48,6 @@ def plan(
     with chromium().opened(f"{address}#/job/cell/{step}/{file}", size) as tab:
         wait(tab, CHECKED if step == "plan" else "document.querySelector('.target input')")
         yield tab
-
-
-def press(tab: Tab, name: str, role: str = "button") -> None:
-    tab.on(lambda page: page.get_by_role(role, name=name, exact=True).first.click())
-
-
-def fill(tab: Tab, label: str, value: str) -> None:
-    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
 
 
 def field(tab: Tab, label: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
-from app_page import app, wait
+from app_page import app, fill, press, wait
 from arm_with_meshes import URDF, stl
 from cells import good_plan
 from chromium import Tab, chromium
@@ -50,20 +50,12 @@ def tab(address: str) -> Iterator[Tab]:
         assert opened.console == []
 
 
-def press(tab: Tab, name: str) -> None:
-    tab.on(lambda page: page.get_by_role("button", name=name, exact=True).first.click())
-
-
 def unfold(tab: Tab, title: str) -> None:
     tab.on(lambda page: page.get_by_text(title, exact=True).first.click())
 
 
 def choose(tab: Tab, label: str, value: str) -> None:
     tab.on(lambda page: page.get_by_label(label, exact=True).first.select_option(value))
-
-
-def fill(tab: Tab, label: str, value: str) -> None:
-    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
 
 
 def field(tab: Tab, label: str) -> str:

@@ -77,6 +77,14 @@ def give(tab: Tab, element: str, value: object) -> None:
     )
 
 
+def fill(tab: Tab, label: str, value: str) -> None:
+    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
+
+
+def press(tab: Tab, name: str, role: str = "button") -> None:
+    tab.on(lambda page: page.get_by_role(role, name=name, exact=True).first.click())
+
+
 def touch(tab: Tab, element: str) -> None:
     """A finger on the middle of an element, and off again."""
     tab.value(f"{element}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
