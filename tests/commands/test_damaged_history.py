@@ -211,6 +211,7 @@ STATEMENTS = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("statement", STATEMENTS.values(), ids=STATEMENTS)
 @pytest.mark.one_in(3)
 def test_no_damage_prints_a_statement(plant: Path, statement: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -272,6 +272,7 @@ def exported(result: Result, patch: pytest.MonkeyPatch) -> bool:
     return True
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "entry", [entry for entry in RUN if entry.finding is not SaidToEnterNothing], ids=named
 )
