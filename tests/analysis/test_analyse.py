@@ -113,7 +113,7 @@ def test_the_order_of_shots_and_the_target_s_name_do_not_matter(good):
     guess = list(plan.header.targets["psd"].guess_mm)
     own = header(targets={"z": {"guess_mm": guess}})
     shots = [run.shots[i].model_copy(update={"target": "z"}) for i in order]
-    other = analyse(run_of(own, shots), ess=400).result
+    other = analyse(run_of(own, shots), sampling="never").result
     assert other.verdict == result.verdict
     for row, same in zip(result.parameters, other.parameters, strict=True):
         assert same.status == row.status
@@ -164,7 +164,7 @@ def test_nothing_is_sampled_where_no_parameter_is_identifiable(monkeypatch):
 def test_understated_noise_is_a_lack_of_fit():
     plan = good_plan(joint_deg=0.05)
     _, run = simulated(plan, TABLE_2, seed=2)
-    result = analyse(run_of(header(joint_deg=0.01), run.shots), ess=400).result
+    result = analyse(run_of(header(joint_deg=0.01), run.shots), sampling="never").result
     assert result.likelihood.p_value < 1e-3
     assert notes(result)[0].startswith("Lack of fit")
     assert "times the stated noise" in notes(result)[0]
@@ -172,7 +172,7 @@ def test_understated_noise_is_a_lack_of_fit():
 
 def test_an_estimated_scale_uses_student_t():
     plan = good_plan(noise={"scale": "estimated"})
-    result = analyse(simulated(plan, TABLE_2, seed=2)[1], ess=400).result
+    result = analyse(simulated(plan, TABLE_2, seed=2)[1], sampling="never").result
     fit = result.likelihood
     assert fit.p_value is None
     assert 0.3 < fit.noise_scale < 2.5
@@ -190,7 +190,7 @@ def test_an_outlying_shot_is_named():
     moved = list(shots[11].joints_deg)
     moved[4] += 0.15
     shots[11] = shots[11].model_copy(update={"joints_deg": tuple(moved)})
-    result = analyse(run_of(plan.header, shots), ess=400).result
+    result = analyse(run_of(plan.header, shots), sampling="never").result
     (note,) = [note for note in notes(result) if note.startswith("Outlying")]
     assert "11" in note
     assert max(result.shots, key=lambda shot: shot.cooks).shot == 11
@@ -199,7 +199,7 @@ def test_an_outlying_shot_is_named():
 def test_as_many_unknowns_as_numbers():
     plan = good_plan()
     four = plan_of(plan.header, plan.postures[:4])
-    result = analyse(simulated(four, TABLE_2, seed=1)[1], ess=400).result
+    result = analyse(simulated(four, TABLE_2, seed=1)[1], sampling="never").result
     assert result.likelihood.dof == 0
     assert result.likelihood.p_value is None
     assert "cannot be checked against the noise" in likelihood_message(result.likelihood)
@@ -277,11 +277,11 @@ def test_the_effective_number_is_that_by_which_the_measurements_count():
     for shot in run.shots:
         error = 0.8 * error + 0.6 * rng.normal(scale=0.3, size=2)
         drifting.append(shot.model_copy(update={"spot_mm": tuple(error.tolist())}))
-    alike = analyse(run_of(run.header, drifting), ess=100)
+    alike = analyse(run_of(run.header, drifting), sampling="never")
     own = alike.result.placements.effective
     assert 2 < own.divisor < own.kappa
     np.testing.assert_array_equal(alike.problem.weights, 1 / own.divisor)
     # Control: measurements that are apart count in full.
-    apart = analyse(run, ess=100)
+    apart = analyse(run, sampling="never")
     assert apart.result.placements.effective.divisor == 1
     np.testing.assert_array_equal(apart.problem.weights, 1)

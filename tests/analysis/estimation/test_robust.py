@@ -237,12 +237,12 @@ def test_a_shot_that_decides_something_alone_leaves_no_uncertainty(loss):
 
 def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     _, run = simulated(good_plan(4), TABLE_2, seed=3)
-    answer = analyse(run, ess=400, robust="huber").result.robust
+    answer = analyse(run, sampling="never", robust="huber").result.robust
     assert "no uncertainty: a measurement has leverage 1" in robust_message(answer)
     assert {row.std for row in answer.parameters} == {None}
     assert {row.interval95 for row in answer.parameters} == {None}
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
-    answer = analyse(run, ess=400, robust="huber").result.robust
+    answer = analyse(run, sampling="never", robust="huber").result.robust
     assert "no uncertainty" not in robust_message(answer)
     assert min(row.std for row in answer.parameters) > 0
 
@@ -254,11 +254,11 @@ def test_the_answer_names_the_outlier_by_its_number_in_the_file():
     joints = list(shots[4].joints_deg)
     joints[3] += 1.0
     shots[4] = shots[4].model_copy(update={"joints_deg": tuple(joints), "shot": 17})
-    result = analyse(run_of(run.header, shots), ess=400, robust="huber").result
+    result = analyse(run_of(run.header, shots), sampling="never", robust="huber").result
     assert result.robust.outliers == (17,)
     assert robust_message(result.robust) == "measurement 17 is an outlier"
     assert any("Outlying by the robust fit: measurement 17." in note for note in notes(result))
-    calm = analyse(run, ess=400, robust="huber").result.robust
+    calm = analyse(run, sampling="never", robust="huber").result.robust
     assert calm.outliers == ()
     assert calm.noise_scale is None
 
@@ -281,5 +281,5 @@ def test_with_separate_noise_factors():
     assert known.noise.spot == pytest.approx(problem.noise.spot * factors[1])
     moved = (robust.x - x)[known.parameters.free] / known.parameters.prior_std[known.parameters.free]
     assert np.abs(moved / fit.std[:8]).max() < 1.0
-    names = [row.name for row in analyse(run, ess=400, robust="huber").result.robust.parameters]
+    names = [row.name for row in analyse(run, sampling="never", robust="huber").result.robust.parameters]
     assert names == [f"delta{i}" for i in range(2, 7)] + ["psd.x", "psd.y", "psd.z"]

@@ -24,7 +24,7 @@ def run() -> Run:
 
 
 def test_they_are_what_compare_takes(run: Run) -> None:
-    found = analyse(run, ess=100.0)
+    found = analyse(run, sampling="never")
     alone = found.result.without_prior
     first = compare([run, replace(run, sha256="1" * 64)]).runs[0]
     assert alone.names == tuple(own.name for own in first.offsets)
@@ -50,7 +50,7 @@ def test_nothing_that_is_not_determined_is_in_it() -> None:
 
 
 def test_the_sensitivity_is_what_errors_of_the_offsets_do_to_the_tcp(run: Run) -> None:
-    found = analyse(run, ess=100.0)
+    found = analyse(run, sampling="never")
     own, problem = found.result.accuracy, found.problem
     error_deg = np.array([0.0, 0.01, -0.02, 0.03, 0.01, -0.02])
     joints = region_postures(problem, 4096)
