@@ -101,21 +101,23 @@ def link_frame(step: Array) -> tuple[Array, bool]:
 
 
 def moved_link(step: Array, values: jax.Array) -> jax.Array:
-    """`step` (4, 4) of a link whose a, alpha and d (beta of parallel axes) are off by `values` (3,)."""
+    """`step` (4, 4) of a link whose a, alpha and d (beta of parallel axes) are off by `values` (3,), of the last
+    one a, b, d, alpha and beta by (5,)."""
     frame, parallel = link_frame(step)
-    a, alpha, other = values
-    ca, sa, zero, one = jnp.cos(alpha), jnp.sin(alpha), 0.0 * a, 1.0 + 0.0 * a
-    bend = jnp.array(
-        [[one, zero, zero, a], [zero, ca, -sa, zero], [zero, sa, ca, zero], [zero, zero, zero, one]]
-    )
-    if parallel:
-        cb, sb = jnp.cos(other), jnp.sin(other)
-        bend = bend @ jnp.array(
-            [[cb, zero, sb, zero], [zero, one, zero, zero], [-sb, zero, cb, zero], [zero, zero, zero, one]]
-        )
+    zero, one = 0.0 * values[0], 1.0 + 0.0 * values[0]
+    if len(values) == 5:
+        a, b, d, alpha, beta = values
     else:
-        bend = bend.at[2, 3].add(other)
-    return frame @ bend @ (np.linalg.inv(frame) @ step)
+        (a, alpha, other), b = values, zero
+        d, beta = (zero, other) if parallel else (other, zero)
+    ca, sa, cb, sb = jnp.cos(alpha), jnp.sin(alpha), jnp.cos(beta), jnp.sin(beta)
+    about_x = jnp.array(
+        [[one, zero, zero, a], [zero, ca, -sa, b], [zero, sa, ca, d], [zero, zero, zero, one]]
+    )
+    about_y = jnp.array(
+        [[cb, zero, sb, zero], [zero, one, zero, zero], [-sb, zero, cb, zero], [zero, zero, zero, one]]
+    )
+    return frame @ about_x @ about_y @ (np.linalg.inv(frame) @ step)
 
 
 def log_density(model: dict[str, Array]) -> Density:
@@ -125,7 +127,7 @@ def log_density(model: dict[str, Array]) -> Density:
     joints, spots, index, free = (model[k] for k in ("joints", "spots", "target_index", "free"))
     n, targets, variances = joints.shape[1], int(index.max()) + 1, model["variances"]
     first, second = model["pairs"].T
-    links = 3 * n if model["links"] else 0
+    links = 3 * (n - 1) + 5 if model["links"] else 0
     arm = (fixed, last)
 
     def value(z: jax.Array) -> jax.Array:
@@ -134,7 +136,8 @@ def log_density(model: dict[str, Array]) -> Density:
         places, tool = x[after : after + 3 * targets].reshape(-1, 3), x[after + 3 * targets :]
         fixed, last = arm
         if links:
-            steps = zip([*fixed[1:], last], x[n:after].reshape(n, 3), strict=True)
+            each = [*x[n : after - 5].reshape(n - 1, 3), x[after - 5 : after]]
+            steps = zip([*fixed[1:], last], each, strict=True)
             *moved, last = (moved_link(step, own) for step, own in steps)
             fixed = [fixed[0], *moved]
         rotation, origin = jnp.eye(3), jnp.zeros(3)

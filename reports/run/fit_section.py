@@ -126,7 +126,7 @@ def _power(rows: Sequence[DetectionPower]) -> Table | None:
         row_of(
             sentence(wrong_words(row)),
             f"{100 * row.probability:.0f} %",
-            f"{100 * row.risk:.1f} %",
+            f"{100 * row.risk:.1f} %{_at_worst(row)}",
             numbers.or_words(row.hidden_size, "—", numbers.unit_of(row.unit), 2),
             numbers.or_words(row.hidden_offset, "—", "deg", 2),
             numbers.or_words(row.hidden_tcp_mm, "—", "mm", 2),
@@ -135,10 +135,17 @@ def _power(rows: Sequence[DetectionPower]) -> Table | None:
     ]
     caption = (
         "What a run like this detects: in how many runs the residuals show it at this size; wrong passes: how"
-        f" many pass with an offset wrong by more than {LIMIT_U:g} u, at the worst size; the largest size"
-        " that a pass can hide, and the errors that it makes"
+        f" many pass with an offset wrong by more than {LIMIT_U:g} u, at the worst of all sizes; the largest"
+        " size that a pass can hide, and the errors that it makes"
     )
     return table_of(caption, columns, shown_rows) if rows else None
+
+
+def _at_worst(row: DetectionPower) -> str:
+    """Behind a share of wrong passes: the size at which it is so large."""
+    if row.worst_size is None or row.risk < 5e-4:
+        return ""
+    return f" at {numbers.significant(row.worst_size, 2, numbers.unit_of(row.unit))}"
 
 
 def _distances(result: Result) -> Table | None:
