@@ -101,8 +101,8 @@ def link_frame(step: Array) -> tuple[Array, bool]:
 
 
 def moved_link(step: Array, values: jax.Array) -> jax.Array:
-    """`step` (4, 4) of a link whose a, alpha and d (beta of parallel axes) are off by `values` (3,), of the last
-    one a, b, d, alpha and beta by (5,)."""
+    """`step` (4, 4) of a link whose a, alpha and d (beta of parallel axes) are off by `values` (3,); of the
+    last one a, b, d, alpha and beta by (5,)."""
     frame, parallel = link_frame(step)
     zero, one = 0.0 * values[0], 1.0 + 0.0 * values[0]
     if len(values) == 5:
