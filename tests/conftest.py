@@ -1,7 +1,5 @@
 """What many tests start from."""
 
-from __future__ import annotations
-
 import argparse
 import gc
 import os

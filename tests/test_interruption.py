@@ -1,7 +1,5 @@
 """A request to end is obeyed, whoever loses the exception, and not in the middle of what has to be whole."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import time

@@ -1,8 +1,6 @@
 """Arms as real ones are, by a simulator that shares no code with the model: what a header without `geometry`
 promises of their offsets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any

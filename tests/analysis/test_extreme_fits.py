@@ -1,7 +1,5 @@
 """Fits whose noise or geometry the data cannot decide: no number stands for it, and a misfit is said."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

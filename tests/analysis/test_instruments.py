@@ -1,8 +1,6 @@
 """Offsets by every kind of instrument, and by mixes of them, against a simulator that shares no code with the
 model: errors in their uncertainties, coverage of the intervals, p-values of the fits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

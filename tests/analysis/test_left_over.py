@@ -1,7 +1,5 @@
 """The algebra of hypotheses: every way to y and G is that of the columns, and a fit with them agrees."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """A misfit: each criterion by a known answer, and a control in which the model is right."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A camera's rotations have a noise of their own: how many mm go with a degree may be stated wrongly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Another run as a fit predicts it: known truth, wrong truth, what is not determined, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Several local optima that explain the data about as well: no one of them is reported for what differs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

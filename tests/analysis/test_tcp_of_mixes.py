@@ -1,7 +1,5 @@
 """A PSD run plus four tracker points: what they add to the TCP's accuracy, predicted and over many arms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 The arms are those of a simulator that shares no code with the model.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cells import irb1600

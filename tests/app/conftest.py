@@ -1,7 +1,5 @@
 """A folder with a plan and a run, and the app's server for it, asked within the test's own process."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Iterator

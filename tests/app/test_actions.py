@@ -1,7 +1,5 @@
 """A message stands beside what the page can do of it: a job, other postures, another step, or nothing."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the page is told is what the commands print."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

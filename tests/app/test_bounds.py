@@ -1,7 +1,5 @@
 """A server that is asked too much: it refuses, its memory stays bounded, and it answers afterwards."""
 
-from __future__ import annotations
-
 import re
 import socket
 import sys

@@ -1,7 +1,5 @@
 """A new calibration: a folder with a header that can be used, and a command that the app carries out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The displacement of the TCP by a result's offsets: closed forms, and nothing where it is not known."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

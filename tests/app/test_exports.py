@@ -1,7 +1,5 @@
 """What the page asks before an import and an export: a folder for a calibration, the forms of the makers."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

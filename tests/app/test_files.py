@@ -1,7 +1,5 @@
 """Files into the folder and out of it: new ones only, below it only, shown where they can do nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Who may ask what of the app: no other site, no other folder, nothing without end."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """A run by hand of an instrument that is read off, in the browser of a tablet at the robot."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

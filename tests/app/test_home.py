@@ -1,7 +1,5 @@
 """The calibrations of a folder: what each has, how far it is, and what is broken is said where it is."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """What the place Import asks: recordings, columns against limits, headers, and the import as a job."""
 
-from __future__ import annotations
-
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page Import as a person uses it: files dropped or chosen, columns and signs, a header, a run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager

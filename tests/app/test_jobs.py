@@ -1,7 +1,5 @@
 """Commands that the page has carried out: in the folder, with their progress, and ended at any time."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The links of pages that are shown in a sandbox, which sends no cookie with them: framed, and alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

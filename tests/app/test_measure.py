@@ -1,7 +1,5 @@
 """Runs that the page begins: by hand, gone on with, and never out of the folder."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import time

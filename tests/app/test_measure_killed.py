@@ -1,8 +1,6 @@
 """The server is killed in the middle of a run: nothing goes on unattended, and the run is resumed to the same
 bytes."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

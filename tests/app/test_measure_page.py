@@ -1,7 +1,5 @@
 """The step Measure: runs begun, watched, stopped and resumed in the browser."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

@@ -1,7 +1,5 @@
 """Script in every name that a person or a file can bring: each view of the page shows it as it is."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A new calibration, typed by a person: what is wrong makes nothing, and what cannot be planned is said."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What was done in the page survives what happens to the files; nothing wrong is shown or written."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from collections.abc import Iterator

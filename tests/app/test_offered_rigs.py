@@ -1,7 +1,5 @@
 """What the step Measure offers of a plan: what `run` would refuse is not there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page of the app as a browser shows it: home, the cell and the plan; nothing that was done is lost."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

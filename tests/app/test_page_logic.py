@@ -1,7 +1,5 @@
 """What the page decides without a browser: numbers as typed, plans as edited, time left; run by Node."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

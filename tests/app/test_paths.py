@@ -1,7 +1,5 @@
 """Every path that a request, a word of a job or a file names: below the folder, or refused."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import os

@@ -1,7 +1,5 @@
 """The step Plan at work: plans made and compared, obstacles and joints moved, meshes drawn."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from pathlib import Path

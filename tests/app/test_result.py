@@ -1,7 +1,5 @@
 """The place Result: what its end points say is what the commands and the report's files say."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

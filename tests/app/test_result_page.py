@@ -1,7 +1,5 @@
 """The step Result as a browser shows it, used as a person would: mouse, touch and keyboard."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import threading

@@ -1,8 +1,6 @@
 """The numbers of one result are the same on the app's page, in the terminal, in the HTML report and, rounded,
 in result.json: with the arm's geometry estimated and with nominal geometry."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

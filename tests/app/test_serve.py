@@ -1,7 +1,5 @@
 """The app as a process of its own: it starts, answers, bears many connections, and Ctrl-C ends it."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket

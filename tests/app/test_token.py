@@ -1,7 +1,5 @@
 """Without the token nobody is answered: another account of this machine reaches the server too."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

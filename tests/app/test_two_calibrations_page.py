@@ -1,7 +1,5 @@
 """Two calibrations in one page: nothing of the one is shown, started or written under the other's name."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files of other people in the page are those of their packages, with their licences; no others are there."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Who replaces a file says which version it was made from: no work of another one is lost."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From the empty folder to files for a FANUC controller, by the page alone: by mouse, keyboard and finger."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Numbers on the command line, and in files that only `compare` and the importers read, have bounds too."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

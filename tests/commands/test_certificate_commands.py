@@ -1,7 +1,5 @@
 """`zerobeam history key`, `certify` and `verify`: from a result to a certificate that anyone can check."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

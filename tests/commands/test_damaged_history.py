@@ -1,7 +1,5 @@
 """A history whose rows are damaged: each is named with its arm, and the others are listed."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -1,7 +1,5 @@
 """`zerobeam export …`: what is written, what is refused, and that nothing is overwritten or half written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

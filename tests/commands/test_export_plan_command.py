@@ -1,7 +1,5 @@
 """`zerobeam export plan` and the way back, as a person calls them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cells import good_plan

@@ -1,7 +1,5 @@
 """`zerobeam history`: what it adds, prints and refuses."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -3,8 +3,6 @@
 On file systems of their own (tmpfs), mounted for the test: whoever may not mount skips it.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """`zerobeam positions`: what an owner types, sees and gets."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

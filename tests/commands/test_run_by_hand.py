@@ -1,7 +1,5 @@
 """`zerobeam run PLAN --rig manual`: a person is led, or a file is watched."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

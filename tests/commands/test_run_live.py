@@ -1,7 +1,5 @@
 """`zerobeam run PLAN --rig SCHEME://HOST`: the joints are read where an empty line confirms them."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Links in a circle, pipes, folders that refer to themselves and media that cannot be written: refused in one
 clear error, or read."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

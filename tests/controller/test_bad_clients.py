@@ -1,7 +1,5 @@
 """Clients that send what is none of the protocol, or go away: an error or nothing, and the server goes on."""
 
-from __future__ import annotations
-
 import re
 import socket
 import struct

@@ -1,7 +1,5 @@
 """The simulated IRC5 by EGM, led by the client library that leads real ones."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

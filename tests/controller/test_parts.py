@@ -1,7 +1,5 @@
 """Parts of the simulated controller: the drive, the network of packets, the cell and its sensors."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

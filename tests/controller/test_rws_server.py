@@ -1,7 +1,5 @@
 """The simulated IRC5 by Robot Web Services, asked by the client library that drives real ones."""
 
-from __future__ import annotations
-
 import json
 import re
 import time

@@ -1,7 +1,5 @@
 """Robot files from the lengths of data sheets: other arms of each maker, whose files have other sources."""
 
-from __future__ import annotations
-
 from itertools import permutations
 from pathlib import Path
 

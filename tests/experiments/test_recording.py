@@ -1,7 +1,5 @@
 """A run that is killed at any instant loses no recorded shot, and goes on to the file of an unbroken one."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """What tests of several files look at: the answer and the plan that a notebook begins with."""
 
-from __future__ import annotations
-
 import pytest
 from analysed_once import analysed_once
 from exact_runs import demo_runs

@@ -1,7 +1,5 @@
 """The answer of `zerobeam.analyse` as programs and notebooks hold it."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Comparing runs through the Python face."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

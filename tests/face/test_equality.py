@@ -1,7 +1,5 @@
 """What is equal: a run, a robot, a plan by value; an answer by what it was made from."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from dataclasses import replace

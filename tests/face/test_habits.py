@@ -1,7 +1,5 @@
 """What a user of lmfit, iminuit or ArviZ tries first."""
 
-from __future__ import annotations
-
 import copy
 import io
 import pickle

@@ -1,7 +1,5 @@
 """The app in a notebook: one server of the process, the files of the object, and the page on them."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import json

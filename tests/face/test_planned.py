@@ -1,7 +1,5 @@
 """Check, optimal plan and simulation through the Python face."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

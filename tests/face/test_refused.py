@@ -1,7 +1,5 @@
 """Calls that make no sense: each has one error that names the argument and says what to do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """What objects show of themselves, and the tables and figures that are asked of them."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import inspect

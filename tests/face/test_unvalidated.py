@@ -1,7 +1,5 @@
 """A misfit: whatever shows a number of it says that the number is unvalidated."""
 
-from __future__ import annotations
-
 import pickle
 from xml.etree import ElementTree
 

@@ -1,7 +1,5 @@
 """tests/model/test_kernel.py."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import stat

@@ -1,7 +1,5 @@
 """Options stated once: what follows of their fields."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

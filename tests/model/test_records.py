@@ -1,7 +1,5 @@
 """Records: what is written follows from the fields, what is read is strict, and no number is quietly null."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import field
 from datetime import UTC, datetime

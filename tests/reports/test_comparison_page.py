@@ -1,7 +1,5 @@
 """The comparison as people see it: page, folder, figure, terminal."""
 
-from __future__ import annotations
-
 import csv
 import functools
 import io

@@ -3,8 +3,6 @@
 POSIX only, as pseudo-terminals are.
 """
 
-from __future__ import annotations
-
 import os
 import select
 import threading

@@ -1,7 +1,5 @@
 """An analysis that several files of tests look at: made by the first that asks, and read by the others."""
 
-from __future__ import annotations
-
 import hashlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Jobs of the app's server: begun, followed and waited for."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The app in a process of its own, and its page used as a person does."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import time

@@ -1,7 +1,5 @@
 """A URDF of two joints with a mesh for each link."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Arms with results over years, made of one real result: known walks and jumps, misfits, offsets lost."""
 
-from __future__ import annotations
-
 import copy
 import tempfile
 from collections.abc import Collection, Sequence

@@ -1,7 +1,5 @@
 """Requests to end, as they come from outside, and as a library loses them."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """Sensors files and calibrations for the tests, and amplifiers that stand in for real ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Cells for the tests: headers, arms, plans and simulated runs, made in memory."""
 
-from __future__ import annotations
-
 import functools
 import pickle
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,5 @@
 """What the tests of certificates need: a history with one result, and a key."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A program in a process of its own, ended with the test whatever comes of it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence

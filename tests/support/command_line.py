@@ -1,7 +1,5 @@
 """The command line within the test's own process: as a person calls it, with what it printed caught."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import io

@@ -1,7 +1,5 @@
 """Simulated controllers for the tests, and the client library that talks to them."""
 
-from __future__ import annotations
-
 import functools
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Runs spoilt on purpose: what is wrong with each is known, and a diagnosis has to name it."""
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Damaged text files. Their readers must refuse them plainly, or read the positions that are there."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Dask clusters, and what work on them is compared with."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

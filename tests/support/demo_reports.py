@@ -1,7 +1,5 @@
 """The reports of `zerobeam demo`, for all tests that look at a report: made once, by the first that asks."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

@@ -8,8 +8,6 @@ and below each is what it prints; `…` alone stands for lines left out. A block
 What a program prints stands in a block `text output` below it.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Iterator

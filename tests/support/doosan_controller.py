@@ -3,8 +3,6 @@
 Written from the manual of DRL, without the code that is tested.
 """
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

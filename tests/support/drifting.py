@@ -1,7 +1,5 @@
 """A made-up arm with a known walk and a known jump."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from zerobeam.analysis.drift.smoother import Observation, Series, series_of

@@ -1,7 +1,5 @@
 """Arms with walks, instruments and biases that are known, for the tests of a fleet's drift."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

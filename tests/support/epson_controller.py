@@ -4,8 +4,6 @@ Written from the language's reference, without the code that is tested. The arm 
 one of another maker: what is tested are the files.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

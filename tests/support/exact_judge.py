@@ -5,8 +5,6 @@ Denavit-Hartenberg rows, its Jacobian is that of the joints' and links' screws, 
 digits: mpmath.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass

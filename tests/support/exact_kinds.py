@@ -4,8 +4,6 @@ The judge has the arm of `exact_judge` and a model of each kind by itself: what 
 flange, differentiated by central differences in eighty digits. What is met is met to as many.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

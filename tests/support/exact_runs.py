@@ -2,8 +2,6 @@
 residuals are those of the stated noise, so that known answers and golden numbers are of them.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Studies made up for the tests of their pages: coverage, cell, table2, geometry; each with a hostile one."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Studies over settings made up for tests of their pages, one for each form of the axes, and hostile ones."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Runs to export: of the built-in arm, and of arms from URDF files whose names mean harm."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ The shape is that of public backups, the counts are made up. Scales, signs and c
 models.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """An interpreter of the TP programs that zerobeam writes, and the position registers as they are saved."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

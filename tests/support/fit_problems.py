@@ -1,7 +1,5 @@
 """Problems of every kind that a fit climbs on: tools, targets, what is held, a slide, the noise, links."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A program of a libfranka user as far as the tests need it: it moves the arm through a joint list."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

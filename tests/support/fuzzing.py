@@ -4,8 +4,6 @@ A whole input is a folder of files and a command on them. `damaged` draws which 
 numbers on the command line, is changed, and how: a value of YAML exchanged, a line doubled, bits turned.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import random

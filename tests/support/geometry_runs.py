@@ -1,7 +1,5 @@
 """Runs of a probe on an arm whose links deviate from nominal, precise enough to see it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

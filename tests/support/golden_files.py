@@ -3,8 +3,6 @@
 After a change that is meant, write them anew with ZEROBEAM_WRITE_GOLDEN=1 and look at the difference.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

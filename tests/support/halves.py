@@ -5,8 +5,6 @@ if they do, its root mean square is 1. Both halves are of one arm with the same 
 of the uncertainty is common to both and not in the difference.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

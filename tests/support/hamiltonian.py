@@ -1,7 +1,5 @@
 """Hamiltonian Monte Carlo in plain numpy, many chains at once: a second sampler for tests of a posterior."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results for the tests of the history: a real one, of which copies are made for other arms and dates."""
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Importers as tests call them: with files, targets, what else is needed, header or plan, and run file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a judgement says: its verdict, its sentence, and the reason of one parameter."""
 
-from __future__ import annotations
-
 from zerobeam.analysis.observability.causes import cause_for
 from zerobeam.analysis.observability.identifiability import Identified
 from zerobeam.analysis.status import Status, Verdict, verdict_of

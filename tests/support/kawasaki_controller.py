@@ -3,8 +3,6 @@
 Written from the manual of AS, without the code that is tested.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

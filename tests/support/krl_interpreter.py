@@ -1,7 +1,5 @@
 """An interpreter of the KRL that zerobeam writes; each start is one selection of the program."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

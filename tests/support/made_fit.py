@@ -1,7 +1,5 @@
 """Fits whose offsets and covariance are made up, for answers that can be worked out by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What takes long to make and is asked for by tests of several files: made by whichever worker is first."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import time

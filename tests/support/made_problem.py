@@ -1,7 +1,5 @@
 """Problems whose shots nearly hit, and what they are by the plain model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A made-up kind of answer, by the steps of CONTRIBUTING: how level the base of an arm stands."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """A made-up study, by the steps of CONTRIBUTING: is the mean of several readings as uncertain as is said?"""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated

@@ -4,8 +4,6 @@ Plain numpy on the arms of `deviating_arms`, no code of the package. A cell is w
 is measured in turn, posture by posture; the world is drawn for each arm. Angles are rad, lengths mm.
 """
 
-from __future__ import annotations
-
 import copy
 import itertools
 import json

@@ -4,8 +4,6 @@ Written from published programs, without the code that is tested. The arm has th
 another maker: what is tested are the files.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

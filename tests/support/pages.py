@@ -1,7 +1,5 @@
 """Pages as the tests see them: the texts of sections; of HTML tags, visible text, tables, scripts."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import hashlib

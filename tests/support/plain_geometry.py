@@ -5,8 +5,6 @@ Where an arm is written in Denavit-Hartenberg rows, its link parameters are adde
 printed; where it is a chain of joints, they act in frames found from the nominal axes by least squares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

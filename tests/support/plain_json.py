@@ -1,7 +1,5 @@
 """Dataclasses as the plain types that a JSON file would have."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import TypeAdapter

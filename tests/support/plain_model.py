@@ -4,8 +4,6 @@ Every function here also takes complex numbers (no conjugates), so that a comple
 without any cancellation; and many vectors at once, stacked along leading axes (`...`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

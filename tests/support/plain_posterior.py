@@ -5,8 +5,6 @@ written out, with a geometric Jacobian. Complex numbers go through, so that deri
 and many vectors at once, stacked along leading axes (`...`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

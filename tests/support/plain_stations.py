@@ -1,7 +1,5 @@
 """What each kind of instrument reads a second time: plain numpy from the equations, at one flange pose."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

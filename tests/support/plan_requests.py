@@ -1,7 +1,5 @@
 """What `plan` is asked for, as the command line, the app and Python ask."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs of a camera that measures poses, in postures that vary all joints or only some."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The simulated cell as at a pendant: programs move the arm, and a person centres the beam."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """An interpreter of the RAPID that zerobeam writes: routines, MoveAbsJ, Stop, files."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Made recordings of an arm that moves from stand to stand, and files of its joints."""
 
-from __future__ import annotations
-
 import numpy as np
 
 HEADER = """\

@@ -3,8 +3,6 @@
 A ball at the flange sat in two sockets 50 mm apart, at several places of the cell.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Sequence

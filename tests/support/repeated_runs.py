@@ -1,7 +1,5 @@
 """Repeated runs made up for the tests of `compare`: with any scatter, and as files of simulated shots."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What of RoboDK's Python interface the programs of zerobeam use, on an arm."""
 
-from __future__ import annotations
-
 import sys
 from types import ModuleType, SimpleNamespace
 from unittest import mock

@@ -1,7 +1,5 @@
 """JointTrajectory messages in YAML, carried out; joint states as `ros2 topic echo` prints them."""
 
-from __future__ import annotations
-
 import math
 
 from program_arm import PendantArm

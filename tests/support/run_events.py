@@ -1,7 +1,5 @@
 """Events of a run between the values that the program passes on and the JSON that people see."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

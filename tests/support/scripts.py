@@ -1,7 +1,5 @@
 """Scripts that belong to no package, of the benchmarks and the docs: loaded by their path."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

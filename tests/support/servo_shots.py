@@ -1,7 +1,5 @@
 """Shots of the simulated cell as far as the servo: arm at an initial posture, PSD aside of the beam."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Any

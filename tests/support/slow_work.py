@@ -1,7 +1,5 @@
 """Work that worker processes of a cluster can import."""
 
-from __future__ import annotations
-
 import os
 import time
 

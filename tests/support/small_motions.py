@@ -1,7 +1,5 @@
 """Runs of a tracker whose joints vary by some degrees, or not at all: two halves of one set."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """As much of a result.json as is read back, made by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

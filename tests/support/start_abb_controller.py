@@ -1,7 +1,5 @@
 """A simulated ABB IRC5 to rehearse with (docs/abb.md): Robot Web Services, EGM, sensors. Ctrl-C ends it."""
 
-from __future__ import annotations
-
 import argparse
 import signal
 import threading

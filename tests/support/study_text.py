@@ -1,7 +1,5 @@
 """What a page, a PDF and a terminal say, as text that tests compare."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import re

@@ -3,8 +3,6 @@
 Series A is a grid over the workspace, series B what a planner came to; they are of different sessions.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Sequence

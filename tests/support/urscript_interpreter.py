@@ -1,7 +1,5 @@
 """An interpreter of the URScript that zerobeam writes: made into Python, block by block, and run."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any

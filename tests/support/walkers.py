@@ -5,8 +5,6 @@ draws itself (the open list of a select, the dialog that chooses files) is outsi
 chooses.
 """
 
-from __future__ import annotations
-
 import re
 import time
 from typing import Any, Protocol

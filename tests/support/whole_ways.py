@@ -5,8 +5,6 @@ harmonics deviate from nominal, and saves the file that the page imports. Where 
 person enters, the arm has it: it is read from that sheet, by what the controller computes with it.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

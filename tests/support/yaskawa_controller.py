@@ -3,8 +3,6 @@
 Written from the manuals, without the code that is tested. The pulses of the arm are made up.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

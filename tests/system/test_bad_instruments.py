@@ -1,8 +1,6 @@
 """Runs of instruments that cannot be right: what the reader refuses, with what to do, and what the answer
 names: readings in metres, a left-handed frame, points one row off."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The benchmarks' own parts: peers are given the same run, cost and coordinates. No time is asserted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from exact_runs import demo_runs

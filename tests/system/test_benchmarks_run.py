@@ -1,8 +1,6 @@
 """Every script of `benchmarks/` runs, with a size of seconds and without peers, and prints its figures. The
 figures are not judged."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Output that nobody reads, or that finds no room, is no verdict, and ends no recording."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

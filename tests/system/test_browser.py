@@ -1,7 +1,5 @@
 """Reports as a browser shows them, on phone, laptop and paper: nothing fetched, nothing wrong, all there."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass

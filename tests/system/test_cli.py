@@ -1,7 +1,5 @@
 """The command line: its exit statuses, what it prints where, its help, and every kind of bad input."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import importlib

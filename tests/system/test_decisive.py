@@ -4,8 +4,6 @@ Which parameters cannot be told is known here beforehand, from geometry; the pro
 not asked. Every reader of an output is tried on doctored answers, in which a pseudo-inverse speaks.
 """
 
-from __future__ import annotations
-
 import base64
 import importlib
 import io

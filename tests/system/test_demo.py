@@ -1,7 +1,5 @@
 """`zerobeam demo`: four reports, and the truth of each run within what its report says."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -3,8 +3,6 @@
 Each of them is a misfit with exit status 1, never a pass, and at least 17 have to be named by their cause.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Its blocks are run and read in tests/system/test_docs_blocks.py.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import re

@@ -4,8 +4,6 @@ In the short form posteriors are drawn shorter, plans are chosen from fewer post
 how many, no report is written, and of all pages the README is run; the long tests run all as it stands.
 """
 
-from __future__ import annotations
-
 import builtins
 import contextlib
 import io

@@ -1,8 +1,6 @@
 """Every built-in arm from plan to offsets: joints as its pendant counts them, within its limits, no link
 through another. The arms' conventions are stated here again, and the arithmetic is this module's."""
 
-from __future__ import annotations
-
 import csv
 import io
 import itertools

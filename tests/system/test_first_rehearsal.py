@@ -1,7 +1,5 @@
 """The app's first rehearsal: the plan of a new calibration by its defaults, and a simulated run of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -3,8 +3,6 @@
 `make test` tries a few of them, `make test-long` thousands. A fault is repeated by the number in its message.
 """
 
-from __future__ import annotations
-
 import random
 import shlex
 import shutil

@@ -4,8 +4,6 @@ The names go the whole way, from files through the command line. Tests of single
 are with those outputs.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Ctrl-C and a request to end stop every command: status 130, "stopped", nothing half written."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

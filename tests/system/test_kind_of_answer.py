@@ -1,7 +1,5 @@
 """CONTRIBUTING, "To add a kind of answer", followed with a made-up one: it is all that such a kind takes."""
 
-from __future__ import annotations
-
 import inspect
 import io
 import json

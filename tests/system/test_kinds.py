@@ -3,8 +3,6 @@
 Readings are made by hand, with numpy and the arm's forward kinematics, of an arm whose offsets are known.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

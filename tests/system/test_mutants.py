@@ -1,7 +1,5 @@
 """What `.ci/mutants.py` changes: one operator, comparison, index or bound at a time, and no text."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from scripts import ROOT, load_script

@@ -1,7 +1,5 @@
 """The notebooks of the docs run as plain scripts, and become pages that show what their cells give."""
 
-from __future__ import annotations
-
 import ast
 import runpy
 import sys

@@ -4,8 +4,6 @@ The documents are read as text, knowing nothing of how they were made: each numb
 number of the result, of one of the few quantities that a report works out, or stand on the axis of a figure.
 """
 
-from __future__ import annotations
-
 import bisect
 import json
 import math

@@ -1,7 +1,5 @@
 """Arms of one joint: nothing but the offset of joint 1, which measurements of one target do not determine."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

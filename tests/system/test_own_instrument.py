@@ -1,7 +1,5 @@
 """The page on an instrument of one's own, followed literally: a package with its class and entry point."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The installed package: everything of the source tree that belongs in it is, and the command starts."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

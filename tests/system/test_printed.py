@@ -5,8 +5,6 @@ of the sampler, which are others on another machine, is left out. The arm is a t
 about residuals, which seven measurements of such an arm hardly have: then it is exact.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whatever stands in a file: each reader gives what it reads, or refuses it in one message."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable

@@ -5,8 +5,6 @@ calibrated model of the same arm. All runs state the noise of the readings as 0.
 scale estimated.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Literal

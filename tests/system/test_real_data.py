@@ -3,8 +3,6 @@
 The geometry of each arm is taken as nominal, which no arm is: each is a misfit, and no offset is validated.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The quick versions take every tenth measurement. A fit of another program on the
 0.81 and 1.12 mm (A, B) with offsets alone and 0.45 mm with links.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,8 +1,6 @@
 """The recipes of CONTRIBUTING, followed: what they add is there by itself in commands, help, files and pages.
 A maker is followed in tests/experiments/makers/test_makers.py, a kind of answer in test_kind_of_answer.py."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """The rooms of the house: what import-linter (contracts in pyproject.toml, run by `make lint`) cannot say."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re

@@ -1,7 +1,5 @@
 """Section 3 of the paper with its numbers: patterns, joint 1, a laser that was not calibrated, eq. 12-16."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import re

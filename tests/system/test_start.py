@@ -1,7 +1,5 @@
 """What a command loads: a library that is not used costs the time of one that is."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tracker sets with faults, from the file to the message: outliers, and joints that never move."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

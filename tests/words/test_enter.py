@@ -1,7 +1,5 @@
 """Sentences of values to enter and of conformity: what is claimed, and that nothing more is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Literal

@@ -1,7 +1,5 @@
 """Sentences on the geometry: what u is worth, what sets it, why a rung of the ladder is kept or not."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The one message: what it names first, what it does not say, and that every place shows it as it is."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import json

@@ -1,7 +1,5 @@
 """What would make an answer better, in words: of a weak plan, of what is required, of the floor."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

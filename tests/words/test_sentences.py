@@ -1,8 +1,6 @@
 """result.json: plain types, no NaN, and nothing that claims more than its status: such a result cannot be
 made."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Foreign text made visible."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

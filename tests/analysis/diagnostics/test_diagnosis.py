@@ -1,7 +1,5 @@
 """What explains a misfit: known causes are named, and where there is none nothing is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """Values to enter: the best five offsets for nominal geometry, and the error of the TCP that they leave."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Literal
 

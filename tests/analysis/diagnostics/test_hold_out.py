@@ -1,8 +1,6 @@
 """Placements held out and left out in turn: against the noise, against full fits without them, and where one
 is needed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

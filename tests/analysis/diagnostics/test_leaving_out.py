@@ -1,7 +1,5 @@
 """What leaving measurements out costs, and which of many are tried."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cells import PROBE, TABLE_2, good_plan, placed_plan, simulated_problem

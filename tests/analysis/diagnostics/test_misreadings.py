@@ -1,7 +1,5 @@
 """Of a measurement that is wrong: which joint's value, and what was meant."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

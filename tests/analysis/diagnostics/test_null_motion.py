@@ -1,7 +1,5 @@
 """The motion that no reading notices: known motions, readings by plain numpy, and what must have none."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

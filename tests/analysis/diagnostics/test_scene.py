@@ -1,7 +1,5 @@
 """The scene of a run: what it holds is what the fit says, and nothing that the data do not determine."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

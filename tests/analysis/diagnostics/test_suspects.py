@@ -1,7 +1,5 @@
 """What changes little: evidence against a dense normal, columns against what they stand for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cells import TABLE_2, good_plan, irb1600, simulated_problem

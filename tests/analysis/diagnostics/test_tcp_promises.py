@@ -1,7 +1,5 @@
 """What is promised of the TCP, kept by arms of another simulator, in each region that a header can state."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections import Counter

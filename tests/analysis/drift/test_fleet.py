@@ -1,7 +1,5 @@
 """Shrinkage between arms: closed forms, a grid, emcee on the whole model, coverage, and a wrong model."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Biases of instruments: what is comparable, dense matrices, coverage, false alarms, power."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The smoother against a dense normal distribution of all states, and scores against brute force."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Residuals that are smaller than the stated noise: said where the noise is overstated, and not where an arm
 is better than its tolerances."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

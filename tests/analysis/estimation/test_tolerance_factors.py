@@ -1,7 +1,5 @@
 """Factors of the tolerances: the marginal likelihood a second time, as a normal's density of all numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What only an assumption makes identifiable is `assumed`: never identified, never entered unasked."""
 
-from __future__ import annotations
-
 import copy
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A zero or a target that changes during a run: found where it was put, and not where nothing changed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ A tolerance of the geometry is knowledge: what is a gauge is so with the geometr
 is one with all of the others held.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from typing import Any

@@ -1,8 +1,6 @@
 """What each kind of instrument, and mixes of two, determine of random arms: the verdict in double precision
 against ranks in fifty digits, by a model of each kind that shares nothing with the package."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -1,8 +1,6 @@
 """A gauge of the nominal arm is one of an arm that may deviate: by every kind of instrument, whatever is
 held, and wherever the fit has the deviations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cells import irb1600

@@ -1,8 +1,6 @@
 """What each kind of instrument determines of an IRB 1600, and why not the rest: frames, mounts, scale,
 mixes."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """What a plan promises where a reflector is only guessed, against what its rehearsals know."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

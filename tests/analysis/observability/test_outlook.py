@@ -1,7 +1,5 @@
 """What would make an answer better: what is predicted comes of it, and what does not help gains nothing."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 from pathlib import Path

@@ -2,8 +2,6 @@
 arms of an independent simulator are measured by it and analysed. U, the errors of the offsets and of the TCP
 are what was predicted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What a run would notice, against how many simulated runs are a misfit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

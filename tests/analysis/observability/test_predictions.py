@@ -1,7 +1,5 @@
 """What a plan promises: with fewer shots, with the target elsewhere. Each told once more."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cells import PROBE, good_plan, header, pattern_plan, plan_of

@@ -1,8 +1,6 @@
 """Reasons of an uncertain arm: for designs that are singular on purpose, status and cause are those of exact
 geometry, whether the design is singular exactly or only within the noise."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace

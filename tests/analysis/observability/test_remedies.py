@@ -1,8 +1,6 @@
 """Remedies that are tried before they are said: carried out, in a plan and in simulation, each gives the
 standard uncertainty that was promised. And the reasons beside them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

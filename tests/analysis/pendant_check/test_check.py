@@ -1,7 +1,5 @@
 """Twelve mistakes of home-made robot files, by two poses of the pendant; and what two poses cannot say."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -3,8 +3,6 @@
 What is right is said by a simulator of its own, by Hamiltonian chains, and by the truth.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass

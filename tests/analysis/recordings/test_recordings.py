@@ -1,7 +1,5 @@
 """Correlation, effective number and steps of recordings: against simulation, planted ones as controls."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Repeated runs: their scatter against the prediction, drift, the odd one, and what may not be compared."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace

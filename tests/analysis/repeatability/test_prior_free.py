@@ -1,7 +1,5 @@
 """The offsets of a result without any prior, with their covariance, and what errors of them do to the TCP."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Keys and signatures: known answers, a second program, and whatever may be wrong with either."""
 
-from __future__ import annotations
-
 import base64
 import os
 import shutil

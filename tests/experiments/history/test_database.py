@@ -1,7 +1,5 @@
 """Databases of a history: made, migrated, and refused where they are not ours or newer."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from pathlib import Path

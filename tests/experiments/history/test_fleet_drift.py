@@ -1,7 +1,5 @@
 """A fleet in a history: models, arms and instruments together, by real results that are made other arms'."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import datetime, timedelta
 

@@ -1,7 +1,5 @@
 """Which result is meant, and whether the history still holds it as it was added."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from datetime import datetime

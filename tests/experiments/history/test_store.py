@@ -1,7 +1,5 @@
 """Results and events in a history: each once, none lost, whoever adds them."""
 
-from __future__ import annotations
-
 import json
 import random
 import signal

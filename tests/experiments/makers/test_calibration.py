@@ -1,7 +1,5 @@
 """What of a run is exported: what `analyse` calls identified, and nothing else unasked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path

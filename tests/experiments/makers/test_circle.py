@@ -1,7 +1,5 @@
 """Plan → program → an interpreter on a simulated arm → import → offsets, for every language."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a file is, by what is in it; and the one clear error for what no importer reads."""
 
-from __future__ import annotations
-
 from inspect import signature
 from pathlib import Path
 

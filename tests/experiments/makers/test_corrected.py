@@ -1,7 +1,5 @@
 """A run with geometry, out again: robot file, URDF, JSON, and what controllers' files say of it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

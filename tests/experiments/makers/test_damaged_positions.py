@@ -1,7 +1,5 @@
 """Programs that were taught, imported without a plan: a damaged position is refused by its line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

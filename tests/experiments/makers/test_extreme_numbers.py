@@ -1,7 +1,5 @@
 """Numbers that no float holds, or that are useless, in every format that is imported: one message."""
 
-from __future__ import annotations
-
 import random
 import re
 import shlex

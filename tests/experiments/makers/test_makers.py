@@ -1,7 +1,5 @@
 """Makers are found by their folders: a made-up one needs one new file; docs/export.md lists what each has."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

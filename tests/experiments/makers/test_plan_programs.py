@@ -1,7 +1,5 @@
 """Programs of a plan, read back to its last digit; what their languages cannot hold is refused."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """A plan's program is no recording: unmodified, the import of its own maker refuses it."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

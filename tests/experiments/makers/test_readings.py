@@ -1,7 +1,5 @@
 """Limits exclude a unit, a sign or a convention, or do not decide: then nothing is called certain."""
 
-from __future__ import annotations
-
 import numpy as np
 from recorded_logs import POSTURES
 

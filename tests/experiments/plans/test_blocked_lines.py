@@ -1,7 +1,5 @@
 """Beams and lines of sight that the arm itself blocks: in checks, plans and runs. Distances by sampling."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Constraints of a plan: kept in its file, judged by `check`, and refused where a robot would be moved."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

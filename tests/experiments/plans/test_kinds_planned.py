@@ -1,7 +1,5 @@
 """Plans for every kind of instrument, and for mixes: what is chosen, what is refused, what is kept to."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`zerobeam plan` from a header to a checked file: what it writes, and what it refuses and why."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Plans for arms of uncertain geometry: what is chosen, its certificate, and what `check` says of it."""
 
-from __future__ import annotations
-
 import functools
 import io
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a plan measures again at its end: stored, checked, carried out, and what a run makes of it."""
 
-from __future__ import annotations
-
 import functools
 import json
 import tempfile

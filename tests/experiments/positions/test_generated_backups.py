@@ -1,7 +1,5 @@
 """Backups made at random: every position keeps its place, and everything else its bytes."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Zeros by the mastering before and after: what a controller's files determine, and what they do not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

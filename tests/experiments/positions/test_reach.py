@@ -3,8 +3,6 @@
 The true arm is `ControllerArm` with known offsets; its nominal one commands it, as a controller does.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

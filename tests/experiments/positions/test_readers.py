@@ -1,7 +1,5 @@
 """What the readers find in files of each language, what they refuse by line; damaged files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

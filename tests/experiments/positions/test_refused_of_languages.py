@@ -3,8 +3,6 @@
 The control: the same backup without the line is converted, and with the line, but without the check, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is refused, by line, and that without the check a wrong place would be written."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import re

@@ -1,7 +1,5 @@
 """A backup as a zip archive: what the command reads, and what the page sends."""
 
-from __future__ import annotations
-
 import base64
 import shutil
 from pathlib import Path

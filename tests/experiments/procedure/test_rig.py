@@ -1,7 +1,5 @@
 """Readings that can be trusted: lost samples, ambient light, saturation, joints that are read wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The procedure of Fig. 5: each measurement on the disk before the next, refused with a reason, or right."""
 
-from __future__ import annotations
-
 import base64
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Steps of the wrist: what they take away, how far they go, where they end; stands come to from below."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any

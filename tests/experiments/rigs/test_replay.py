@@ -1,7 +1,5 @@
 """A recorded run drives the procedure again: the same joints and spots, and no run of something else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The amplifier of a PSD: its lines, and on a real pseudo-terminal what arrives, and a port that is gone."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading

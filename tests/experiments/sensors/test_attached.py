@@ -1,7 +1,5 @@
 """Shots of the procedure by a PSD at a pseudo-terminal: light of the simulated cell, through real counts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

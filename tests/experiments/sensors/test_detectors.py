@@ -1,7 +1,5 @@
 """tests/experiments/sensors/test_detectors.py."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is found in pictures: how good the centroid is, what is light or noise, which two are the LEDs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pictures by OpenCV, from files, a video and a stream on loopback: fresh, grey, of the right size."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The files of sensors: all of them read, nothing guessed; what counts mean, and what is opened."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Instruments that send lines: by TCP, at a serial port, into a file. What is old is refused."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

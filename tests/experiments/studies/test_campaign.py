@@ -1,7 +1,5 @@
 """Many runs in simulated cells: the same for any number of processes, each with an arm of its own."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

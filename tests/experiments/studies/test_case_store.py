@@ -1,7 +1,5 @@
 """The finished cases on the disk: gone on with, torn, of something else, in use."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path

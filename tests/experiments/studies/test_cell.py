@@ -1,7 +1,5 @@
 """The study of the whole chain: what counts, what agrees, and that its controls are seen to be wrong."""
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The study of drift: a small sample quickly; at length, the figures that are stated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

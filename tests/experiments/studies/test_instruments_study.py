@@ -1,7 +1,5 @@
 """The study of instruments on two small setups: figures that follow by a second way, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's Table 2 as a study: the noise that explains a scatter, and whether one explains all of it."""
 
-from __future__ import annotations
-
 import functools
 import json
 from pathlib import Path

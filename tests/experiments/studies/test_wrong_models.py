@@ -1,7 +1,5 @@
 """The study of wrong models: its simulator against the model, and a small sample of the whole."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Runs and plans made from arrays: those of the file that says the same; errors name the argument."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ Of each description: the origins of the joints and of the flange, mm, each from 
 frame at zero; the axes of the joints there; roll, pitch and yaw of the flange.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

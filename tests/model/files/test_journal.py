@@ -1,7 +1,5 @@
 """A journal loses at most the shot under way wherever it is stopped, and goes on as if it never had been."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -4,8 +4,6 @@ The figures of a chain are those of the description that the robot's file names:
 frame before it, mm, and its axis at zero; then the tool0 frame. They are independent of DH rows.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

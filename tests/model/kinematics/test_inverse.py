@@ -1,7 +1,5 @@
 """Inverse kinematics: every solution is one, the joints that the pose was made of are among them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints as a pendant counts, orders and limits them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

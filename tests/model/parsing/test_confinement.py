@@ -1,7 +1,5 @@
 """The folder that is not left: by which names, through which links, and by what files name."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

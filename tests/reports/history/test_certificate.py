@@ -1,7 +1,5 @@
 """A certificate states what the result determines, what it rests on, and no number of anything else."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import io

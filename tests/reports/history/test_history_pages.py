@@ -1,7 +1,5 @@
 """The page of all arms: the gravest first, all of them counted, no foreign file lost."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

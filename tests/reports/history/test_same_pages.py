@@ -1,7 +1,5 @@
 """The pages of a history are the same bytes, whatever database holds it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

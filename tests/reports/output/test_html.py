@@ -1,7 +1,5 @@
 """report.html: one file, no script, no network, hostile names as text."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import functools

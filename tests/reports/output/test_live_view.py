@@ -1,7 +1,5 @@
 """What a person sees of a run under way: each event in the view, and nothing where it is no terminal."""
 
-from __future__ import annotations
-
 import io
 import sys
 import threading

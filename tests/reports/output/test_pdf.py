@@ -1,7 +1,5 @@
 """report.pdf: its text, its outline, its fonts; hostile names as text."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import io

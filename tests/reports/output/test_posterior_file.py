@@ -1,7 +1,5 @@
 """posterior.nc: read back by xarray as a tree and flat, marked where the draws are the prior's."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

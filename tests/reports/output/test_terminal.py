@@ -1,7 +1,5 @@
 """What a person reads in a terminal of 80 columns: golden prints of good and bad results."""
 
-from __future__ import annotations
-
 import io
 import shlex
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Folders are written whole or not at all; what a killed process leaves is swept; what is not ours stays."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """The sheet for the person at the robot: every posture with its picture, joints and fields."""
 
-from __future__ import annotations
-
 import io
 import re
 from pathlib import Path

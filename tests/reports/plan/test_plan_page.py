@@ -1,7 +1,5 @@
 """The picture of a plan: what `check` says, in one file that fetches nothing and trusts no name."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The figures: valid SVG, side by side on one page, silent about what the data do not tell."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import xml.etree.ElementTree as ElementTree

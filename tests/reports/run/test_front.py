@@ -1,7 +1,5 @@
 """Page one: few words and lines, one table, and nothing that could be taken for an answer where none is."""
 
-from __future__ import annotations
-
 import io
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The geometry in the report of a run: its section, its figure, and what stands beside u on page one."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The picture of a null-space motion on pages: both ends, the posture that ends it, and nothing as known."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

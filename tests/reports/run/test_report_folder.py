@@ -1,7 +1,5 @@
 """The report's folder: its files; that it is whole or not at all is tested in output/test_whole_folder.py."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

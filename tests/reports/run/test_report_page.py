@@ -1,7 +1,5 @@
 """What a report says, section by section, before it is set in HTML or PDF."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from typing import Any

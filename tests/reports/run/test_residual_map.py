@@ -1,7 +1,5 @@
 """The residuals as arrows at the measurements: their size and direction, another shape beyond the noise."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The picture of a run: what it shows is what the result says, and nothing that the data do not determine."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The figure and the section on the accuracy of the TCP: what they show is what the result says."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Pages, figures and tables of the single studies: every number as in the answer, controls in plain sight."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

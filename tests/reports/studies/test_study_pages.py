@@ -1,7 +1,5 @@
 """What holds for every study as people see it: one file, no network, nothing made up, names as text."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import io

@@ -1,7 +1,5 @@
 """Sweeps as people see them: figures and tables by the axes, every number the answer's, none made up."""
 
-from __future__ import annotations
-
 import csv
 import functools
 import io

@@ -1,7 +1,5 @@
 """The palette: readable, and telling without colour."""
 
-from __future__ import annotations
-
 import pytest
 
 from zerobeam.reports.style.theme import PALETTE, SHAPES

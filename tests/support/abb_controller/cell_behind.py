@@ -1,7 +1,5 @@
 """The simulated cell behind a controller that moves its arm little by little."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np

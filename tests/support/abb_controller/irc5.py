@@ -8,8 +8,6 @@ with their status, and that HELD answers whatever needs what another client hold
 -1073445859, as well: the rig knows both).
 """
 
-from __future__ import annotations
-
 import math
 import re
 import threading

@@ -6,8 +6,6 @@ which end when they have been idle for 5 minutes; more than 20 requests a second
 `?json=1` asks for JSON.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import json

@@ -5,8 +5,6 @@ beam is. In the same process `CellSensors` reads them, from another one `RemoteS
 experiments/sensors/detectors.py).
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import time

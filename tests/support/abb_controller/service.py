@@ -1,7 +1,5 @@
 """The simulated controller as a service: its servers, clock, cable and default plan."""
 
-from __future__ import annotations
-
 import hashlib
 import socket
 import threading

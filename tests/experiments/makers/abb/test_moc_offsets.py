@@ -1,7 +1,5 @@
 """Motor calibration offsets: the diff, applied by a plain model of patch to a file read by a plain parser."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace

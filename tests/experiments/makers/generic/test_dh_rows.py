@@ -1,7 +1,5 @@
 """Corrected rows are the corrected arm, exactly, in either convention."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

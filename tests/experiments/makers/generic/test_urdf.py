@@ -1,7 +1,5 @@
 """The corrected URDF: with it, what was recorded hits the target; nothing else of the file changes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

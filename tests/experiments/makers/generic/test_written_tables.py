@@ -1,7 +1,5 @@
 """JSON and CSV, read back by the standard readers."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """calibration.yaml of a UR with offsets: read back it is the calibrated arm, in the frames of ROS."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ABB rig against the simulated controller: what it does, what it refuses, and what it never tells."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import socket

@@ -1,7 +1,5 @@
 """A run on a controller that is stopped by Ctrl-C or a request to end: the arm stops on its way, at once."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """An ABB robot driven as a person does: plan, command line, controller, run file, report."""
 
-from __future__ import annotations
-
 import base64
 import itertools
 import json

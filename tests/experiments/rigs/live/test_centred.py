@@ -1,7 +1,5 @@
 """A posture is confirmed by the PSD: once for each time that the beam comes to rest on its centre."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from pathlib import Path

@@ -3,8 +3,6 @@
 Nothing here asserts a time: a reading that does not end fails by the test's own limit.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Joints read from stand-ins of controllers: what is at rest is recorded, and nothing else."""
 
-from __future__ import annotations
-
 import socket
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A run by hand with every kind of instrument: what is typed is what the run file has."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any

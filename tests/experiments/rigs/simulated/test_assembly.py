@@ -1,7 +1,5 @@
 """The parts of a simulated cell: the arm; what is stated is the truth, what is not suits the plan."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import replace

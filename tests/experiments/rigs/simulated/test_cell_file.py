@@ -1,7 +1,5 @@
 """The cell file: what may stand in it, and errors that say where it is wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,6 @@
 """What goes wrong on purpose: each fault's outcome, in the table of docs/faults.md, and no wrong record taken
 for a good one."""
 
-from __future__ import annotations
-
 import functools
 import json
 import os

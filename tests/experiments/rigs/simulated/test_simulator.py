@@ -1,7 +1,5 @@
 """The simulated rig: the same seed the same shots, sensors that see what is there, and a clock."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from functools import cache

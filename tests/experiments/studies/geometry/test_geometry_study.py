@@ -1,7 +1,5 @@
 """Arms that deviate from nominal geometry: what holds, what must fail, what `check` foresees."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

@@ -1,7 +1,5 @@
 """Study files: what they may say, what becomes of it, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Studies over a grid: what is predicted, what the runs come to, and that a stopped one is gone on with."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace
