@@ -31,7 +31,7 @@ from zerobeam.experiments.command_options import BatchSettings
 from zerobeam.experiments.processes import side_by_side
 from zerobeam.experiments.studies.cases import Engine
 from zerobeam.experiments.studies.coverage import StudiedPlan, studied, studied_plans
-from zerobeam.reports.batch.carried_out import batch
+from zerobeam.reports.carried_out import batch
 
 MANY = 1000  # workers on paper
 

@@ -44,7 +44,7 @@ def run(
     from ..experiments.plans.constraints import require_constraints
     from ..experiments.procedure.events import ConfirmationAsked, RunEvent, event_json
     from ..experiments.recording import Answers, RunRequest, missing_words, record, still_to_come
-    from ..experiments.rigs.live.at_rest import CentredLines
+    from ..experiments.rigs.at_rest import CentredLines
     from ..model.files.plan import read_plan
     from ..reports.output.live_view import led_view, live_view
     from ..reports.run.brief_page import ended_page
@@ -125,7 +125,7 @@ def _live_answers(opened: ExitStack, plan: Plan, options: RunOptions, *, attende
     closed with `opened`. `attended`: a person reads the questions, although this is no terminal."""
     from ..experiments.procedure.rig import most
     from ..experiments.recording import Answers
-    from ..experiments.rigs.live.at_rest import SAMPLES, CentredLines, open_joints
+    from ..experiments.rigs.at_rest import SAMPLES, CentredLines, open_joints
     from ..experiments.sensors.attached import read_sensors
     from ..model.kinematics.pendant import pendant_of
 

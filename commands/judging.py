@@ -252,9 +252,9 @@ def batch(
     """Solve many runs: results, reports if asked, tables, and one page over all."""
     from ..experiments.batch import run_files
     from ..experiments.studies.cases import any_kept
-    from ..reports.batch.batch_page import batch_page, require_parquet
-    from ..reports.batch.carried_out import STORE, check_target
-    from ..reports.batch.carried_out import batch as carry_out
+    from ..reports.batch_page import batch_page, require_parquet
+    from ..reports.carried_out import STORE, check_target
+    from ..reports.carried_out import batch as carry_out
 
     if parquet:
         require_parquet()

@@ -33,7 +33,7 @@ from .procedure.events import Ended, Listener, RunOpened
 from .procedure.session import Adaptive, InTurn, OnceMore, Order, Ports, Session, SessionResult, WithRepeats
 from .rigs.abb.driver import AbbRig
 from .rigs.abb.rws_client import Caution, ControllerAccess
-from .rigs.live.at_rest import JointsAtRest
+from .rigs.at_rest import JointsAtRest
 from .rigs.manual.hand_ports import HandPorts
 from .rigs.manual.line_sources import Lines
 from .rigs.replay import ReplayRig, require_planned

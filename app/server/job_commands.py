@@ -21,7 +21,7 @@ from ...experiments.command_options import (
 from ...experiments.makers.known_logs import known_logs, read_log
 from ...experiments.makers.maker import makers, plan_programs
 from ...experiments.measuring_options import PlanOptions, RunOptions
-from ...experiments.rigs.live.at_rest import SCHEMES, parse_address
+from ...experiments.rigs.at_rest import SCHEMES, parse_address
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
 from ...model.files.whole_file import write_whole

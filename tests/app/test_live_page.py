@@ -11,7 +11,7 @@ from live_controllers import LiveArm, UrStandIn
 from starlette.testclient import TestClient
 
 from zerobeam.app.server.answers.forms import OfferedRig, OfferedRun, run_forms
-from zerobeam.experiments.rigs.live.at_rest import SCHEMES
+from zerobeam.experiments.rigs.at_rest import SCHEMES
 from zerobeam.model.files.run import read_run
 
 AT = [20.0, -80.0, 70.0, -40.0, 60.0, 10.0]

@@ -61,7 +61,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps
-from zerobeam.reports.batch.carried_out import BatchRun, _row
+from zerobeam.reports.carried_out import BatchRun, _row
 from zerobeam.reports.output.terminal import VERDICT_STYLE, print_blocks, print_page
 from zerobeam.reports.plan.check_page import check_page
 from zerobeam.reports.run.brief_page import brief_page, side_by_side

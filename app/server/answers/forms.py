@@ -14,7 +14,7 @@ from ....experiments.makers.known_logs import read_log
 from ....experiments.makers.maker import makers, plan_programs
 from ....experiments.measuring_options import PlanOptions, RunOptions
 from ....experiments.positions.position_languages import LANGUAGES
-from ....experiments.rigs.live.at_rest import SCHEMES
+from ....experiments.rigs.at_rest import SCHEMES
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.options import REQUIRED, OptionField, options_of

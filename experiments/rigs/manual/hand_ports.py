@@ -29,8 +29,8 @@ from ...procedure.events import Doubted, EnteredReading, Listener, PostureReques
 from ...procedure.session import Paused, Ports, Reading, Skipped, TakenBack
 from ...procedure.steering import Belief
 from ...sensors.attached import InstrumentLines, ReadingRefused
-from ..live.at_rest import JointsAtRest
-from ..live.joint_clients import JointsRefused
+from ..at_rest import JointsAtRest
+from ..joint_clients import JointsRefused
 from .doubts import Doubt, Judge
 from .line_sources import Lines
 

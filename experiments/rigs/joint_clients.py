@@ -18,11 +18,11 @@ from typing import Literal
 
 import numpy as np
 
-from ....model.arrays import Matrix
-from ....model.errors import BadInput
-from ....model.kinematics.pendant import Pendant
-from .. import transport
-from ..transport import LARGEST, LinkFault, Stream
+from ...model.arrays import Matrix
+from ...model.errors import BadInput
+from ...model.kinematics.pendant import Pendant
+from . import transport
+from .transport import LARGEST, LinkFault, Stream
 
 
 @dataclass(frozen=True)

@@ -14,34 +14,26 @@ from pathlib import Path
 
 import numpy as np
 
-from ...analysis.analyse import Analysis, analyse
-from ...analysis.answer.result import Result
-from ...analysis.status import versions
-from ...experiments.batch import (
-    Batch,
-    BatchOffset,
-    BatchRow,
-    Finished,
-    key_of,
-    names_of,
-    shown_path,
-)
-from ...experiments.command_options import BatchSettings
-from ...experiments.processes import side_by_side
-from ...experiments.studies.cases import CaseStore
-from ...model.arrays import Progress
-from ...model.errors import BadInput, NotWritten, ZerobeamError
-from ...model.files.run import Run, read_run
-from ...model.files.whole_file import write_whole
-from ...model.records import dumps
-from ...words.message import contradicted, headline, message
-from ...words.provenance import is_simulated
-from ...words.sentences import to_json
-from ...words.wording import person
-from ..output.whole_folder import names_in, write_folder
-from ..run.inputs import when_and_serial
-from ..run.report import REPORT, RESULT, write_report
+from ..analysis.analyse import Analysis, analyse
+from ..analysis.answer.result import Result
+from ..analysis.status import versions
+from ..experiments.batch import Batch, BatchOffset, BatchRow, Finished, key_of, names_of, shown_path
+from ..experiments.command_options import BatchSettings
+from ..experiments.processes import side_by_side
+from ..experiments.studies.cases import CaseStore
+from ..model.arrays import Progress
+from ..model.errors import BadInput, NotWritten, ZerobeamError
+from ..model.files.run import Run, read_run
+from ..model.files.whole_file import write_whole
+from ..model.records import dumps
+from ..words.message import contradicted, headline, message
+from ..words.provenance import is_simulated
+from ..words.sentences import to_json
+from ..words.wording import person
 from .batch_page import FILES, write_batch
+from .output.whole_folder import names_in, write_folder
+from .run.inputs import when_and_serial
+from .run.report import REPORT, RESULT, write_report
 
 STORE = "finished.jsonl"
 OF_A_PROCESS = 16  # runs at least: it takes longer to start than a few take to solve

@@ -12,8 +12,8 @@ from command_line import zerobeam
 from live_controllers import LiveArm, UrStandIn
 
 from zerobeam.experiments.procedure.events import MeasurementRecorded, Withdrawn
-from zerobeam.experiments.rigs.live import at_rest
-from zerobeam.experiments.rigs.live.at_rest import CentredLines
+from zerobeam.experiments.rigs import at_rest
+from zerobeam.experiments.rigs.at_rest import CentredLines
 from zerobeam.experiments.sensors.detectors import Camera, Image, Psd
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import read_run

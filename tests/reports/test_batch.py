@@ -18,9 +18,9 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.records import dumps
-from zerobeam.reports.batch import carried_out
-from zerobeam.reports.batch.batch_page import batch_page, uncertainty_picture
-from zerobeam.reports.batch.carried_out import batch
+from zerobeam.reports import carried_out
+from zerobeam.reports.batch_page import batch_page, uncertainty_picture
+from zerobeam.reports.carried_out import batch
 from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (run.path for run in demo_runs())

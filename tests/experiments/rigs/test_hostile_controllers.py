@@ -16,8 +16,8 @@ import pytest
 from live_controllers import STAND_INS, Closed, TcpStandIn, robot_of
 
 from zerobeam.experiments.rigs import transport
-from zerobeam.experiments.rigs.live.at_rest import open_joints
-from zerobeam.experiments.rigs.live.joint_clients import JointsRefused, WebSocket
+from zerobeam.experiments.rigs.at_rest import open_joints
+from zerobeam.experiments.rigs.joint_clients import JointsRefused, WebSocket
 from zerobeam.experiments.rigs.transport import LARGEST, BoundedSocket, LinkFault, Stream
 from zerobeam.model.errors import RigFault
 from zerobeam.model.kinematics.pendant import pendant_of

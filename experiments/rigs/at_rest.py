@@ -15,18 +15,17 @@ from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 
-from ....interruption import obey
-from ....model.arrays import Matrix
-from ....model.errors import BadInput, RigFault
-from ....model.files.robot_file import Vendor
-from ....model.kinematics.pendant import Pendant
-from ....model.parsing.reading import did_you_mean
-from ...makers.maker import vendor_of
-from ...procedure.events import MeasurementRecorded, RunEvent
-from ...procedure.rig import most, spot_of
-from ...procedure.steering import ACCEPTED_MM
-from ...sensors.detectors import BRIGHTEST, WEAKEST, Sensors
-from ..transport import LinkFault
+from ...interruption import obey
+from ...model.arrays import Matrix
+from ...model.errors import BadInput, RigFault
+from ...model.files.robot_file import Vendor
+from ...model.kinematics.pendant import Pendant
+from ...model.parsing.reading import did_you_mean
+from ..makers.maker import vendor_of
+from ..procedure.events import MeasurementRecorded, RunEvent
+from ..procedure.rig import most, spot_of
+from ..procedure.steering import ACCEPTED_MM
+from ..sensors.detectors import BRIGHTEST, WEAKEST, Sensors
 from .joint_clients import (
     FanucJoints,
     JointReading,
@@ -39,6 +38,7 @@ from .joint_clients import (
     UrJoints,
     YaskawaJoints,
 )
+from .transport import LinkFault
 
 PAUSE_S = 0.25
 STILL = 0.002  # deg (mm): below the 0.005 to 0.02 deg that are usual for a joint's noise

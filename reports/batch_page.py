@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from ...analysis.diagnostics.outliers import FEWEST_VALUES
-from ...experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchRow, Outcome, OutlierArm
-from ...model.errors import missing_extra
-from ...model.files.whole_file import write_whole
-from ...model.records import dumps, to_json
-from ...words import numbers
-from ...words.entries import VERDICT_WORDS, said_word
-from ...words.wording import clipped, counted, csv_text, label, person, shown
-from ..output.html import html
-from ..studies.study_blocks import flat
-from ..style.blocks import (
+from ..analysis.diagnostics.outliers import FEWEST_VALUES
+from ..experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchRow, Outcome, OutlierArm
+from ..model.errors import missing_extra
+from ..model.files.whole_file import write_whole
+from ..model.records import dumps, to_json
+from ..words import numbers
+from ..words.entries import VERDICT_WORDS, said_word
+from ..words.wording import clipped, counted, csv_text, label, person, shown
+from .output.html import html
+from .studies.study_blocks import flat
+from .style.blocks import (
     Block,
     Cell,
     Columns,
@@ -36,9 +36,9 @@ from ..style.blocks import (
     section_of,
     table_by,
 )
-from ..style.blocks import Verdict as Headline
-from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
-from ..style.theme import VERDICT_MARKS, light
+from .style.blocks import Verdict as Headline
+from .style.canvas import Picture, new_figure, set_log_scale, style, to_svg
+from .style.theme import VERDICT_MARKS, light
 
 _MOST_ROWS = 1000
 _MOST_NAMED = 200

@@ -14,10 +14,9 @@ from live_controllers import FAULTS, STAND_INS, LiveArm, RosStandIn, UrStandIn, 
 import zerobeam as zb
 from zerobeam.experiments.procedure.events import Doubted, PostureRequested, RunEvent
 from zerobeam.experiments.recording import Answers, RunRequest, record
-from zerobeam.experiments.rigs import transport
-from zerobeam.experiments.rigs.live import at_rest
-from zerobeam.experiments.rigs.live.at_rest import SCHEMES, STILL, JointsAtRest, open_joints, parse_address
-from zerobeam.experiments.rigs.live.joint_clients import JointsRefused
+from zerobeam.experiments.rigs import at_rest, transport
+from zerobeam.experiments.rigs.at_rest import SCHEMES, STILL, JointsAtRest, open_joints, parse_address
+from zerobeam.experiments.rigs.joint_clients import JointsRefused
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
