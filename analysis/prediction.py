@@ -1,5 +1,5 @@
-"""New measurements as a calibration predicts them: what is carried over by name, what is placed anew, what is
-left, and what noise and calibration let one expect of it.
+"""New measurements, and another run, as a calibration predicts them: what is carried over by name, what is
+placed anew, what is left, and what noise and calibration let one expect of it.
 
 All that a calibration has is carried over, with its covariance. What it lacks (targets that it has not
 measured), and what may have been moved since, is placed: estimated from the new measurements themselves.

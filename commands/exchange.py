@@ -1,4 +1,5 @@
-"""`zerobeam import`: runs from recorded files that people have."""
+"""`zerobeam import` and `export`: runs from recorded files that people have; offsets of a run in the form in
+which they are applied, and plans."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import is_dataclass, replace

@@ -1,4 +1,4 @@
-"""`zerobeam history`: a database of results of many arms: kept, listed, exported; drift, pages."""
+"""`zerobeam history`: a database of results of many arms: kept, listed, exported, certified; drift, pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""All commands put together, and what becomes of their errors: messages, and exit statuses of errors."""
+"""All commands put together, each loaded when it is called, and what becomes of their errors: messages, and
+exit statuses of errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options and arguments that several commands share."""
+"""Options as Typer takes them, and those that several commands share."""
 
 from __future__ import annotations
 

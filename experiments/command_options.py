@@ -1,4 +1,5 @@
-"""What is stated to commands that need few words."""
+"""What is stated to commands that need few words, to convert positions, and to `import` and `export` of
+whatever format."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

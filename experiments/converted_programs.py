@@ -1,4 +1,5 @@
-"""Taught programs of an arm: what is in a backup, and its positions converted."""
+"""Taught programs of an arm: what is in a backup, its positions converted by the zeros that were entered, and
+put back by the audit."""
 
 from __future__ import annotations
 

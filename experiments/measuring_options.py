@@ -1,4 +1,5 @@
-"""How a plan is made, as it is stated to `plan`, to Python and in study files."""
+"""How a plan is made, as it is stated to `plan`, to Python and in study files, and how it is carried out, as
+it is stated to `run`."""
 
 import shlex
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,5 @@
-"""A robot file of a person's arm: from Denavit-Hartenberg rows, or from the lengths of a data sheet."""
+"""A robot file of a person's arm: from Denavit-Hartenberg rows, from the lengths of a data sheet, or from a
+URDF."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work that is done side by side in processes of its own."""
+"""Work that is done side by side in processes of its own, and the hash of the sources that do it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Simulated measurements: an arm with true offsets, servoed until the true beam hits, read with noise."""
+"""Simulated measurements: an arm with true offsets, servoed until the true beam hits, read with noise; and
+the rehearsal of what is no beam."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far an analysis is: a bar in a notebook, lines on a terminal."""
+"""In a notebook: how far an analysis is, as a bar, and the app in a cell."""
 
 from __future__ import annotations
 

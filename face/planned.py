@@ -1,4 +1,4 @@
-"""Before the measurements: check a plan, or find the best one."""
+"""Before the measurements: check a plan, find the best one, or simulate a run of it."""
 
 from __future__ import annotations
 

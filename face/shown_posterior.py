@@ -1,4 +1,4 @@
-"""Profiles of one and of two parameters, that show themselves."""
+"""Profiles of one and of two parameters, that show themselves, and the draws as a Dataset."""
 
 from __future__ import annotations
 

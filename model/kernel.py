@@ -1,4 +1,5 @@
-"""A CasADi function made fast: evaluated for many rows, or summed over shots for many walkers.
+"""A CasADi function made fast: evaluated for many rows, or summed over shots for many walkers, by how many
+threads.
 
 CasADi's virtual machine evaluates it at first. Once that has taken as long as compiling, the function's
 C code is compiled where a C compiler is at hand, and cached under the hash of its source, the flags and

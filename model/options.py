@@ -1,4 +1,5 @@
-"""Options: what is stated to a command, said once as the fields of a record or the parameters of a function.
+"""Options: what is stated to a command, said once as the fields of a record or the parameters of a function;
+and how a run is analysed.
 
     @dataclass(frozen=True)
     class Reading:

@@ -1,4 +1,5 @@
-"""What a 3D picture shows: an arm in its postures, its beams and the targets. Base frame, mm, z up."""
+"""What a 3D picture shows: an arm in its postures, its beams and the targets, turned by hand or still. Base
+frame, mm, z up."""
 
 from __future__ import annotations
 

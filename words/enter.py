@@ -1,4 +1,5 @@
-"""Sentences about the values to enter, the error of the TCP that they leave, and what the robot must meet."""
+"""Sentences about the values to enter, the error of the TCP that they leave, what the robot must meet, and
+the acceptance test of a corrected robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The geometry of an answer in words: what u is if the arm deviates from nominal, tolerances, the ladder."""
+"""The geometry of an answer in words: what u is if the arm deviates from nominal, tolerances, the ladder; and
+the motion that no reading notices."""
 
 from __future__ import annotations
 

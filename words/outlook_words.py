@@ -1,4 +1,5 @@
-"""What would make an answer better, in words: remedies with what they are predicted to give."""
+"""What would make an answer better, in words: remedies with what they are predicted to give, and the region
+of the TCP's error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Foreign text made fit to be shown: names in a run may hold anything.
+"""Foreign text made fit to be shown: names in a run may hold anything, and no text in a table is taken for a
+formula.
 
 HTML and typst take text as data, so markup in a name does no harm there. What is left is what a
 person would not see: control characters, marks that turn the reading direction, letters that the

@@ -1,5 +1,5 @@
-"""Outliers: long residuals in a robust fit, the one measurement that contradicts the others, values far from
-the rest."""
+"""Outliers: what each measurement does to the answer (leave-one-out residuals, Cook's distances), long
+residuals in a robust fit, the one that contradicts the others, values far from the rest."""
 
 from __future__ import annotations
 

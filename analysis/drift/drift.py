@@ -1,4 +1,5 @@
-"""What an arm's results say of its drift: rates of the random walk, jumps, the offsets at each result.
+"""What an arm's results say of its drift: rates of the random walk, jumps, the offsets at each result,
+between them and ahead.
 
 The drift rate of each offset is unknown and integrated over (`importance.py`): its logarithm is normal about
 `MEDIAN` with the standard deviation `SPREAD`, per root year.
@@ -10,7 +11,8 @@ the posterior with the likelihood of the jump divided out. So the p-value is uni
 the prior of the rates, and a jump does not hide itself by a larger rate. Where a jump is large these two
 distributions lie far apart, and rates are sampled for the test itself. The p-values are multiplied by their
 number (Bonferroni): false alarms of an arm have at most the probability `ALARM`. The clearest jump is allowed
-for, and the rest tested again, until none is left."""
+for, and the rest tested again, until none is left.
+"""
 
 from __future__ import annotations
 

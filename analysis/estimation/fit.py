@@ -1,4 +1,5 @@
-"""The likelihood fit: the posterior's mode (MAP), its covariance, and other basins if there are any.
+"""The likelihood fit: the posterior's mode (MAP), its covariance and effective degrees of freedom, and other
+basins if there are any.
 
 Fits are rows: the starts of one run, or one start of each of many runs, go up side by side.
 """

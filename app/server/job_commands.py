@@ -1,4 +1,5 @@
-"""Which commands the page may have carried out, and with which options: paths stay below the folder."""
+"""Which commands the page may have carried out, and with which options: paths stay below the folder; and
+which runs were started by them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The end points of the app: what is asked for goes to `answers`, one at a time."""
+"""The end points of the app, and their description (OpenAPI 3.1): what is asked for goes to `answers`, one at
+a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Versions of files: who replaces a file says which version it was made from, so that no work is lost."""
+"""Versions of files: who replaces a file says which version it was made from, so that no work is lost; and
+what is kept of a file as long as it is the same."""
 
 from __future__ import annotations
 

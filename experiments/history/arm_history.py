@@ -1,5 +1,5 @@
-"""What a history says of its arms, as `history` writes it: results and events, an arm and how it is doing in
-one word, a row of the list of all arms (docs/how-to/plant.md)."""
+"""What a history says of its arms, as `history` writes it: results and events, an arm's drift and how it is
+doing in one word, a row of the list of all arms (docs/how-to/plant.md)."""
 
 from __future__ import annotations
 

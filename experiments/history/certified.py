@@ -1,4 +1,5 @@
-"""A certificate of a result (`zerobeam/certificate/1`): what it states, and when there is none."""
+"""A certificate of a result (`zerobeam/certificate/1`): what it states, when there is none, and its
+signature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Contents of a file that an import can choose from: its form, a table's columns and layout."""
+"""Contents of a file that an import can choose from: its form, a table's columns and layout, other ways to
+read its joints; found in a process of its own."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Joint values as people type them, or paste them from a pendant, a program or a spreadsheet; and the lines
-that a plan's program writes (zerobeam export plan).
+"""Joint values and poses as people type them, or paste them from a pendant, a program or a spreadsheet; and
+the lines that a plan's program writes (zerobeam export plan).
 
     zerobeam posture 3 deg -69.348 -18.862 49.270 136.545 -39.529 -82.750
 

@@ -1,4 +1,5 @@
-"""A plan as a program: its postures in their order, slow moves, text in ASCII, and its files.
+"""A plan as a program: its postures in their order, slow moves, text in ASCII, and its files; and the sheets
+by which a person enters new zeros, filled likewise.
 
 The template of a language says what it has; names and numbers come in by one writer, which lets no name out
 of the line, the string or the remark that it is in.

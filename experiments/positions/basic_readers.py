@@ -1,4 +1,4 @@
-"""Positions of MELFA-BASIC programs (Mitsubishi), with the variables that are saved behind them."""
+"""Positions of programs in dialects of BASIC: MELFA-BASIC (Mitsubishi), PacScript (Denso), SPEL+ (Epson)."""
 
 from __future__ import annotations
 

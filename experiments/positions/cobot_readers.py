@@ -1,4 +1,4 @@
-"""Positions of DRL programs (Doosan): posj, posx and lists of six numbers."""
+"""Positions of scripts of light arms: DRL (Doosan), URScript (Universal Robots)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Positions of TP listings and position registers (FANUC), with frames of SYSFRAME.VA."""
+"""Positions of jobs whose lines name their points: TP listings and registers (FANUC), INFORM (Yaskawa)."""
 
 from __future__ import annotations
 

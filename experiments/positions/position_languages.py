@@ -1,4 +1,5 @@
-"""The languages whose positions are read, with their forms of poses, joints and configurations."""
+"""The languages whose positions are read, with their forms of poses, joints and configurations; and those of
+which joints alone are read."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Programs whose statements move to positions: what the readers of all languages share, and what those share
-whose lines assign positions to names."""
+"""Programs whose statements move to positions: what the readers of all languages share, what those share
+whose lines assign positions to names, and the names."""
 
 from __future__ import annotations
 

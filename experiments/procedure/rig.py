@@ -1,4 +1,5 @@
-"""A rig: an arm with a laser, a PSD and perhaps a camera; and why a measurement with it is refused."""
+"""A rig: an arm with a laser, a PSD and perhaps a camera; how it is read; and why a measurement with it is
+refused."""
 
 from __future__ import annotations
 

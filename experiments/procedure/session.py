@@ -1,4 +1,5 @@
-"""One session of a run, whatever carries it out: which measurement is next, what is recorded, how it ends.
+"""One session of a run, over the ports of whatever carries it out: which measurement is next, what is
+recorded, how it ends.
 
 It knows a cell by its ports alone, and nothing of a run but what the journal has on the disk: each
 measurement is there before the arm moves on, and a run that is resumed goes on as if it had never been

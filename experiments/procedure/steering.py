@@ -1,4 +1,5 @@
-"""Steering a beam by the wrist: what is believed of arm and target, and steps that stay within the limits."""
+"""Bringing a beam to a PSD by the wrist: the search for its face, then the way to its centre; what is
+believed of arm and target, and steps that stay within the limits."""
 
 from __future__ import annotations
 

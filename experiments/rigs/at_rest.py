@@ -1,4 +1,5 @@
-"""Joints that may be recorded: read twice, of an arm at rest, by a controller that is alive.
+"""Joints that may be recorded: read twice, of an arm at rest, by a controller that is alive, at the address
+that is stated.
 
 The arm is at rest where two readings at least `PAUSE_S` apart agree in every joint within `STILL`, or within
 two counts of a coarser encoder. The second one must be newer by the controller's own clock.

@@ -1,4 +1,6 @@
-"""The joints of a real controller, read only: the contract of a client, and why joints are not taken."""
+"""The joints of a real controller, read only: the contract of a client, why joints are not taken, and a
+client each for RMI (FANUC), KUKAVARPROXY, RTDE (Universal Robots), the High-Speed Ethernet Server
+(Yaskawa) and rosbridge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The sensors that a sensors file names, opened: what the ABB rig asks for currents and pictures."""
+"""The sensors that a sensors file names, opened: what the ABB rig asks for currents and pictures; and
+instruments that send lines of text."""
 
 from __future__ import annotations
 

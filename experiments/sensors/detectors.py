@@ -1,4 +1,5 @@
-"""A position-sensitive detector (PSD) as in its data sheet: from four currents to light and position.
+"""A position-sensitive detector (PSD) and a camera as in their data sheets, and those that come with a
+controller.
 
 Currents are shares of the laser's full light, in the order x+, x-, y+, y-. The PSD's frame: origin at the
 centre of the active face, z outward, x and y as it reads.

@@ -1,4 +1,5 @@
-"""Lights in a picture: bright blobs, the two LEDs that mark a PSD, the laser's spot near them."""
+"""Lights in a picture: bright blobs, the two LEDs that mark a PSD, the laser's spot near them; and pictures
+by OpenCV."""
 
 from __future__ import annotations
 

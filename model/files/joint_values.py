@@ -1,4 +1,5 @@
-"""Joint values against a robot: their number, its limits, and whether they are in the stated unit."""
+"""Joint values against a robot: which columns are which joints, their number, its limits, and whether they
+are in the stated unit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurements of one arm, as a run has made them or a plan states them."""
+"""Measurements of one arm, as a run has made them or a plan states them, and their header as it is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Files of rows and columns: their layout, numbers with their line, columns by name or number."""
+"""Files of rows and columns, text or workbooks: their layout, numbers with their line, columns by name or
+number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a tracker and a pose have in common: a frame of their own in the world, free or known."""
+"""What a tracker and a pose have in common: a frame of their own in the world, free or known; and rotations,
+as symbols and as numbers."""
 
 from __future__ import annotations
 

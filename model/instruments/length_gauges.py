@@ -1,4 +1,5 @@
-"""A dial gauge on the flange, whose plunger touches a flat face: it measures its own travel."""
+"""Instruments that measure a length: a dial gauge, whose plunger touches a flat face, and a ball bar or draw
+wire between two sockets."""
 
 from __future__ import annotations
 

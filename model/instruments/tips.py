@@ -1,5 +1,5 @@
-"""What a plane, a sphere, a ball bar and a dial have in common: a tip on the flange that touches a target,
-and how a target is fitted."""
+"""A tip on the flange that touches a target: what all such instruments have in common, how a target is
+fitted; probes that touch flat faces, and balls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Joints of a pose: inverse kinematics by damped least squares, for any serial arm.
+"""Joints of a pose: inverse kinematics by damped least squares, for any serial arm; and the eight postures of
+one with a spherical wrist.
 
 From many starts at once each climbs to the pose by itself (damping by the squared error, T. Sugihara,
 "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE T-RO 27, 2011). The

@@ -1,4 +1,4 @@
-"""A robot as a chain of fixed transforms and joint axes, and its forward kinematics.
+"""A robot as a chain of fixed transforms (4, 4; mm, rad) and joint axes, and its forward kinematics.
 
 Whatever a robot was written in (standard DH, modified DH, URDF), inside it is one list:
 joint i sits behind the fixed transform `fixed` of the link before it and moves about

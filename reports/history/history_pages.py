@@ -1,4 +1,5 @@
-"""How an arm is doing, in one word, and its page: due date, jumps, offsets over time, every calibration."""
+"""How an arm is doing, in one word, and its page: due date, jumps, offsets over time, every calibration; and
+the page of all arms, the gravest first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The pages of the studies that have no module of their own, and of which kind a folder of each study is."""
+"""The pages of the studies of drift, instruments, wrong models and Table 2; and of which kind a folder of
+each study is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One palette for figures, HTML and PDF, in a light and a dark form.
+"""One palette for figures, HTML and PDF, in a light and a dark form, and one typeface.
 
 The hues are the blue, vermillion and purple of Okabe & Ito's set, which people of every kind of
 colour vision distinguish, moved in lightness until they can be read as text on their ground

@@ -1,4 +1,5 @@
-"""The runs of the folder by the serial number of their robot, with what their results say."""
+"""The runs of the folder: by the serial number of their robot, with what their results say; and those that
+have not reached their end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Forms: what may be stated to each command that the page carries out, as the records of its options say."""
+"""Forms: what may be stated to each command that the page carries out, as the records of its options say; and
+which rigs can carry a plan out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The calibrations of the folder: what each has, and how far it is."""
+"""The calibrations of the folder: what each has, how far it is, and when the next is due."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Results: what a `result.json` says, checked, with what lies beside it."""
+"""Results: what a `result.json` says, checked, with what lies beside it and how far its offsets displace the
+TCP."""
 
 from __future__ import annotations
 

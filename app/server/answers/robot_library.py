@@ -1,4 +1,5 @@
-"""Robots: those of the library, and one in a posture."""
+"""Robots: those of the library, one in a posture, the shapes of its links, and its joints while its flange is
+dragged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Runs from CSV files and logs: units, targets and columns are stated or known, never guessed."""
+"""Runs from CSV files and logs: units, targets and columns are stated or known, never guessed; of a log over
+time, where the arm dwells."""
 
 from __future__ import annotations
 

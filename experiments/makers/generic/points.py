@@ -1,4 +1,5 @@
-"""Runs from tables of points and poses that trackers and coordinate measuring machines measured.
+"""Runs from tables of points and poses that trackers and coordinate measuring machines measured, in whatever
+order of angles.
 
 Units, the level of an uncertainty and the order of Euler angles are stated, never guessed.
 """

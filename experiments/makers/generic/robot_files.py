@@ -1,4 +1,5 @@
-"""A URDF file of a robot that comes from rows: any link can be in it.
+"""A robot with its offsets as a robot file and as a URDF, also of one that comes from rows: any link can be
+in it.
 
 Links have no bodies: it is the kinematics alone, from the link `base` to the link `flange`.
 """

@@ -1,4 +1,5 @@
-"""ROS: sensor_msgs/JointState in bags and in text, as `ros2 topic echo` prints them.
+"""ROS: sensor_msgs/JointState in bags, whose unpacking is bounded, and in text, as `ros2 topic echo` prints
+them.
 
 In text each message is a measurement: documents of YAML with lists of `name` and `position`; other keys are
 not looked at, since a driver may well print an effort of .nan. By definition of JointState positions are

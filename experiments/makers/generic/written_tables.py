@@ -1,4 +1,4 @@
-"""A plan as a table (CSV), and as trajectories for ROS."""
+"""A plan as a table (CSV) and as trajectories for ROS; offsets as CSV and JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Robot Web Services 1.0, at one address only, slowly enough, and with its refusals in words."""
+"""Robot Web Services 1.0, at one address only, by a password that no output shows, slowly enough, and with
+its refusals in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The simulated cell: an arm with true offsets, a laser, PSDs and a camera, on a clock of their own.
+"""The simulated cell: an arm with true offsets, a laser, PSDs and a camera as they are read, on a clock of
+their own.
 
 What follows a `begin` depends on the seed, the measurement and what was recorded before it alone: a run that
 is resumed makes the same measurements as one that was never stopped.
