@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drifting import COVARIANCE, NAMES, steady
+from scipy import stats
 from scipy.stats import norm
 
 from zerobeam.analysis.drift.drift import (
@@ -20,7 +21,7 @@ from zerobeam.analysis.drift.drift import (
     due_after,
     mixture_interval,
 )
-from zerobeam.analysis.drift.importance import ENOUGH
+from zerobeam.analysis.drift.importance import ENOUGH, Nodes, Pass, about, from_pass
 from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, UnsoundResult
@@ -327,3 +328,16 @@ def test_the_due_date_is_when_the_walk_has_used_up_the_tolerance() -> None:
     now += found.smoothed.mean[k, -1] - found.weights @ found.smoothed.mean[:, -1]
     apart = now + np.sqrt(years) * found.rates[k] * random.normal(size=(len(k), 2))
     assert np.mean(10 * np.linalg.norm(apart, axis=1) > 1.0) == pytest.approx(0.05, abs=0.008)
+
+
+def test_nodes_that_passes_were_added_to_have_the_densities_of_the_whole_mixture() -> None:
+    prior: Pass = (np.array([-4.0, -5.0]), 1.5 * np.eye(2))
+    nodes = Nodes.of(from_pass(prior, 16, 0), [prior])
+    for number in (1, 2):
+        near = about(nodes.points, np.exp(nodes.points[:, 0]) / np.exp(nodes.points[:, 0]).sum())
+        nodes = nodes.followed_by(near, from_pass(near, 16, number))
+    assert (len(nodes.passes), len(nodes.points)) == (3, 48)
+    densities = [stats.multivariate_normal(c, r @ r.T).pdf(nodes.points) for c, r in nodes.passes]
+    np.testing.assert_allclose(np.exp(nodes.over), densities[0] / np.mean(densities, axis=0), rtol=1e-12)
+    against = np.exp(nodes.against) * np.mean(densities, axis=0)
+    np.testing.assert_allclose(against, against[0], rtol=1e-12)

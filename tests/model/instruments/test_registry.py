@@ -4,10 +4,11 @@ import ast
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import zerobeam
-from zerobeam.model.instruments.kind import Instrument
+from zerobeam.model.instruments.kind import Instrument, faces_at, station_at, target_at
 from zerobeam.model.instruments.registry import KINDS, TOOLS, kind_of, names_of
 
 HOUSE = Path(zerobeam.__file__).parent
@@ -116,3 +117,25 @@ def test_a_kind_says_all_of_itself(kind):
     assert kind_of(kind.name) is kind
     assert (kind.name in names_of(beam=kind.beam)) == (kind.name in TOOLS)
     assert kind.name not in names_of(beam=not kind.beam)
+
+
+@pytest.mark.parametrize(
+    ("reach", "station"), [(1000.0, [2200.0, 350.0, 500.0]), (400.0, [880.0, 140.0, 200.0])]
+)
+def test_a_station_is_out_of_reach_and_grows_with_the_arm(reach, station):
+    assert station_at(reach) == station
+    assert np.linalg.norm(station) > reach
+
+
+def test_a_station_is_stated_to_the_millimetre():
+    assert station_at(901.3) == [1983.0, 315.0, 451.0]
+
+
+def test_targets_and_faces_are_where_they_are_stated():
+    assert target_at((1.23456, -0.0, 3)) == {"guess_mm": [1.235, 0.0, 3.0], "sigma_mm": 30.0}
+    faces = faces_at((600.0, 10.0, 300.0), ["top", "back", "side"])
+    assert [face["guess_mm"] for face in faces.values()] == [
+        [600.0, 10.0, 350.0],
+        [550.0, 10.0, 300.0],
+        [600.0, -40.0, 300.0],
+    ]

@@ -1,9 +1,14 @@
+"""tests/model/parsing/test_validation.py."""
+
 from pathlib import Path
 from typing import Annotated
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import Field
 
+from zerobeam.model.parsing.reading import line_numbers
 from zerobeam.model.parsing.validation import (
     LARGEST,
     LARGEST_OTHER,
@@ -101,3 +106,10 @@ def test_the_bounds_themselves_are_allowed():
         "sigma_mm": [SMALLEST, LARGEST["mm"]],
     }
     validate(Numbers, widest, file=None, line=lambda _: None)
+
+
+@given(st.text(alphabet="a\n\r é", max_size=60))
+def test_every_place_of_any_text(text):
+    line_of = line_numbers(text)
+    for place in range(len(text) + 1):
+        assert line_of(place) == text.count("\n", 0, place) + 1

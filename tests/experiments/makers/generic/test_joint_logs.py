@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from import_files import import_csv
-from recorded_logs import HEADER, POSTURES, moves
+from command_line import zerobeam
+from import_files import import_csv, import_log
+from recorded_logs import HEADER, POSTURES, moves, table, ur
 
 from zerobeam.experiments.makers.contents import contents_of
 from zerobeam.experiments.makers.generic.joint_logs import (
@@ -489,3 +490,160 @@ def test_lists_that_say_more_than_joints_are_refused(tmp_path, read, refused):
     assert error.line == 1
     file.write_text(LISTS + "p = P:{900,0,900}{1,0,0,0}\n")
     assert "column 1 is not a number" in refused(read, [file], ["one"], CsvLayout("deg")).what
+
+
+HEADER_HALF_TURNS = """\
+robot: {robot}
+tool: {{kind: laser, calibrated: true, point_mm: [0, 0, 65], direction: [1, 0, 0]}}
+noise: {{joint_deg: 0.01, spot_mm: 0.05}}
+"""
+JOINTS = np.array(
+    [[10.5, -20.25, 30.5, 40.75, -50.5, 60.25, 170.5], [-170.5, 15.5, -30.75, -40.5, 50.5, -60.5, 3.25]]
+)
+
+
+def imported(tmp_path, joints, robot="gen3"):
+    (tmp_path / "header.yaml").write_text(HEADER_HALF_TURNS.format(robot=robot), encoding="utf-8")
+    rows = "\n".join(",".join(map(str, row)) for row in joints.tolist())
+    (tmp_path / "joints.csv").write_text(rows, encoding="utf-8")
+    files = ["--units", "deg", tmp_path / "joints.csv", "--header", tmp_path / "header.yaml"]
+    answer = zerobeam("import", "csv", *files, "--target", "psd", "-o", tmp_path / "run.jsonl")
+    if answer.status:
+        return answer, None
+    return answer, [shot.joints_deg for shot in read_run(tmp_path / "run.jsonl").shots]
+
+
+def test_a_turn_is_taken_from_what_a_controller_counts_to_360(tmp_path):
+    answer, joints = imported(tmp_path, JOINTS % 360)
+    np.testing.assert_allclose(joints, JOINTS, atol=1e-9)
+    assert (
+        "joints counted from 0 to 360°: of joint 1, 2, 3, 4, 5, 6 values above 180° are taken less"
+        in answer.out
+    )
+
+
+@pytest.mark.parametrize(("robot", "columns"), [("ur5e", 6), ("gen3", 7)])
+def test_control_what_is_within_the_limits_stays(robot, columns, tmp_path):
+    """A UR turns to 360° itself; a negative value says that the controller does not count from 0."""
+    joints = (JOINTS % 360 if robot == "ur5e" else JOINTS)[:, :columns]
+    answer, read = imported(tmp_path, joints, robot)
+    np.testing.assert_allclose(read, joints, atol=1e-9)
+    assert "less 360" not in answer.out
+
+
+def test_control_what_stays_outside_the_limits_is_refused(tmp_path):
+    joints = JOINTS % 360
+    joints[0, 1] = 200.0  # -160°: outside ±138° too
+    answer, _ = imported(tmp_path, joints)
+    assert answer.status == 2
+
+
+STILL = Stillness(0.02, 0.5)
+
+
+@pytest.fixture
+def read_known(tmp_path, header):
+    def call(kind, text, **options):
+        path = tmp_path / "log.csv"
+        path.write_text(text)
+        still = options.pop("still", STILL)
+        return import_log(kind, [path], ["a"], header, tmp_path / "run.jsonl", still=still, **options)
+
+    return call
+
+
+def shots(found):
+    return np.array([shot.joints_deg for shot in found.shots])
+
+
+def test_a_recording_of_universal_robots(read_known):
+    found = read_known("ur", ur(*moves()))
+    np.testing.assert_allclose(shots(found), POSTURES, atol=1e-9)
+    told = "\n".join(found.understood)
+    assert "angles in radians, converted to degrees" in told
+    assert "joint 1 first: actual_q_0, actual_q_1" in told
+    assert "time in s: column timestamp" in told
+    assert "dwell 4: 5.3" in told
+
+
+def test_a_marker_column_chooses_the_stands(read_known, refused):
+    times, joints = moves()
+    marker = np.isin(np.arange(len(times)), [*range(45, 60), *range(210, 230)]).astype(int)
+    found = read_known("ur", ur(times, joints, marker), marker_column="bit")
+    np.testing.assert_allclose(shots(found), POSTURES[[0, 2]], atol=1e-9)
+    assert any("dwells without a marker, not imported: 2" in line for line in found.understood)
+    error = refused(read_known, "ur", ur(times, joints), marker_column="bit")
+    assert "no marker in the recording" in error.what
+    assert refused(read_known, "ur", ur(times, joints), marker_column="bits").remedy == "did you mean 'bit'?"
+
+
+def test_another_delimiter_and_a_column_that_is_not_there(read_known, refused):
+    text = ur(*moves())
+    assert len(read_known("ur", text.replace(" ", ","), delimiter=",").shots) == 4
+    assert 'seems to be " "' in refused(read_known, "ur", text, delimiter=";").remedy
+    error = refused(read_known, "ur", text.replace("actual_q_3", "actual_q3"))
+    assert error.remedy == "did you mean 'actual_q3'?"
+
+
+def egm(times, joints):
+    """As EGMLogger prints: six significant digits, the time as a whole number of ms."""
+    names = ["TIMESTAMP", *(f"R_FB_POS_RJ{i + 1}" for i in range(6)), "R_PL_POS_RJ1"]
+    rows = [
+        [round(1000 * time) + 120_000, *(f"{value:.6g}" for value in row), 0.0]
+        for time, row in zip(times, joints, strict=True)
+    ]
+    return table(names, rows, ",")
+
+
+def test_an_egm_log(read_known):
+    found = read_known("egm", egm(*moves(rate=250)))
+    np.testing.assert_allclose(shots(found), POSTURES, atol=1e-9)
+    assert "angles in degrees" in found.understood
+    assert "time in ms: column TIMESTAMP" in found.understood
+    assert found.shots[1].time_s - found.shots[0].time_s == pytest.approx(1.6, abs=0.01)
+
+
+def robodk(times, joints):
+    """As MonitorJoints writes: no header row, a row only where a joint has changed by 0.0001 degrees."""
+    rows, last = [], None
+    for time, row in zip(times, joints, strict=True):
+        if last is None or np.any(np.abs(row - last) > 1e-4):
+            rows.append([*row, f"{time:.3f}"])
+            last = row
+    return table(None, rows, ", ")
+
+
+def test_a_robodk_log_has_no_rows_while_the_arm_stands(read_known):
+    times, joints = moves(stand_s=3.0)
+    text = robodk(times, joints)
+    assert text.count("\n") < 200 < len(times)
+    found = read_known("robodk", text)
+    np.testing.assert_allclose(shots(found), POSTURES, atol=1e-4)
+    assert "time in s: column 7" in found.understood
+    # Where recording ends before the arm moves again, how long it stood is not in the file.
+    end = np.searchsorted(times, found.shots[3].time_s)
+    np.testing.assert_allclose(
+        shots(read_known("robodk", robodk(times[:end], joints[:end]))), POSTURES[:3], atol=1e-4
+    )
+
+
+def test_a_recording_in_which_the_arm_never_stands(read_known, refused):
+    times, joints = moves(stand_s=0.2)
+    error = refused(read_known, "ur", ur(times, joints))
+    assert "never dwells" in error.what
+    assert "in the calmest window" in error.found
+    joints = np.tile(POSTURES[0], (len(times), 1)) + 0.02 * times[:, None]
+    assert "drifts by" in refused(read_known, "ur", ur(times, joints)).found
+
+
+def test_times_must_ascend(read_known, refused):
+    times, joints = moves()
+    times = np.where(np.arange(len(times)) < 100, times, times - 1.5)
+    assert "do not increase" in refused(read_known, "ur", ur(times, joints)).what
+
+
+def test_a_stand_that_repeats_is_told(read_known):
+    found = read_known("ur", ur(*moves(POSTURES[[0, 1, 0]])))
+    assert len(found.shots) == 3
+    (told,) = [line for line in found.understood if line.endswith("; repeats dwell 1")]
+    assert told.startswith("  dwell 3")
