@@ -56,7 +56,7 @@ from .entries import (
     FindingRow,
     Open,
     assumed_of,
-    holds_if,
+    holding,
     if_,
     open_directions,
     some,
@@ -156,12 +156,13 @@ def _likely(diagnosis: Sequence[Explanation]) -> Sequence[Explanation]:
     return alternatives(diagnosis)[:_MOST_NAMED] or diagnosis[:1]
 
 
+_LARGER = {*BEYOND_TOLERANCES, "noise"}
 _LOOK = "Check joint columns, signs, units, tool, targets and geometry, then measure again."
 
 
 def _mend_causes(diagnosis: Sequence[Explanation], case: RunCase) -> str:
-    if all(one.cause in BEYOND_TOLERANCES and not one.agrees for one in _likely(diagnosis)):
-        return _LOOK  # no tolerance is so large
+    if all(one.cause in _LARGER and not one.agrees for one in _likely(diagnosis)):
+        return _LOOK  # no tolerance and no noise is so large
     remedies = {mend(one): CAUSES[one.cause] for one in _likely(diagnosis)}
     if len(remedies) == 1:
         return next(iter(remedies))
@@ -251,10 +252,11 @@ def _look_for_change(change: RunChange, case: RunCase) -> str:
 def _mend_repeats(apart: RepeatsApart, case: RunCase) -> str:
     if case.diagnosis:
         return _mend_causes(case.diagnosis, case)
-    return (
-        f"Look for what changed (target, instrument, arm) before measurement {apart.again[0]}, and record the"
-        " run again."
-    )
+    moved = next((one for one in case.findings if isinstance(one, Displacement)), None)
+    when = f"before measurement {apart.again[0]}"
+    if moved is not None:
+        when = f"between measurements {moved.after_shot} and {moved.before_shot}"
+    return f"Look for what changed (target, instrument, arm) {when}, and record the run again."
 
 
 def _repeats_sentence(apart: RepeatsApart, case: RunCase) -> str:
@@ -604,7 +606,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         found=if_(lambda case: not conforms(case.conformity)),
     ),
     FindingEntry("the error to expect", "note", place="before the cause", found=_expected),
-    FindingEntry("conditions of a pass", "note", holds_if("This"), place="cause", found=_conditions),
+    FindingEntry("conditions of a pass", "note", holding("Holds"), place="cause", found=_conditions),
     FindingEntry("values to enter", "note", None, _export, _export_command, found=if_(lambda case: True)),
     # Said besides.
     FindingEntry("assumed offsets", "note", found=lambda case: assumed_steps(case.offsets, case.name)),

@@ -26,7 +26,7 @@ from .case import run_argument
 from .controllers import links_command, taken_by
 from .numbers import percent
 from .outlook_words import region_first, region_words
-from .wording import counted, label, listed
+from .wording import counted, joints, label, listed
 
 WHY_THEY_DIFFER = (
     "The values are not the offsets of the arm: the controller computes with nominal links, so the values"
@@ -235,14 +235,15 @@ def acceptance_reason(answer: AcceptanceResult) -> str:
         )
     agrees = f"Residuals {rms} agree with the prediction ({measure})"
     if answer.verdict == "pass":
+        tested = listed(joints([offset.name for offset in answer.offsets]))
         return (
-            f"{agrees}, and an error of the tolerance in any offset would have been noticed with a"
-            f" probability of at least {percent(POWER)}."
+            f"{agrees}, and an error of the tolerance in {tested} would have been noticed with a probability"
+            f" of at least {percent(POWER)}. No other joint is tested."
         )
     names = listed([label(offset.name) for offset in answer.unnoticed])
     return (
-        f"{agrees}, but an error of the tolerance in {names} might have gone unnoticed: record more postures"
-        " (zerobeam plan verify RUN -o PLAN --shots N)."
+        f"{agrees}, but an error of the tolerance in {names} might have gone unnoticed: record all postures"
+        " of the plan, or more of them (zerobeam plan verify with a larger --shots)."
     )
 
 

@@ -215,8 +215,8 @@ def assumed_of(rows: Iterable[Any]) -> list[tuple[Assumption, ...]]:
     return [cause.of for cause in causes if isinstance(cause, AsGoodAs)]
 
 
-def holds_if(text: str) -> Callable[[str, object], str]:
-    return lambda subject_to, answer: f"{text} holds if {subject_to}"
+def holding(text: str) -> Callable[[str, object], str]:
+    return lambda subject_to, answer: f"{text} {subject_to}"
 
 
 def some(text: str | None) -> Iterable[str]:

@@ -269,7 +269,7 @@ def _untried(cause: Cause, name: Namer) -> str:
         case OnAxis(tool, joint):
             return (
                 f"mount the tool so that the {kind_of(tool).words.part} is off the axis of joint {joint}, or"
-                f" hold {name(f'delta{joint}')}"
+                f" hold {name(f'delta{joint}')} (held: delta{joint} in the header, of a run its first line)"
             )
         case TooFewMeasurements(needed=needed):
             return f"record at least {needed} measurements in varied postures, better twice as many"
@@ -534,7 +534,7 @@ def outlook_lines(check: Check) -> list[str]:
     if check.verdict == "pass":
         lines += power_sentences(check.power)
         if (subject_to := condition(check.power)) is not None:
-            lines.append(f"A pass of such a run holds if {subject_to}.")
+            lines.append(f"A pass of such a run holds {subject_to}.")
     over_target = over_target_sentence(check)
     return lines if over_target is None else [*lines, over_target]
 
@@ -556,17 +556,21 @@ _OF_THE_RUN: frozenset[WrongModel] = frozenset({"jump", "drift", "moved"})  # th
 # What a pass is subject to, by the wrong models with which a run may pass.
 _CONDITIONS: tuple[tuple[frozenset[WrongModel], str], ...] = (
     (_OF_THE_RUN, "nothing changed"),
-    (frozenset({"reading", "typing", "backlash", "noise"}), "readings are right"),
-    (frozenset({"arm", "tool", "beam"}), "geometry is as stated"),
+    (frozenset({"reading", "typing", "noise"}), "readings are right"),
 )
+_OF_GEOMETRY: frozenset[WrongModel] = frozenset({"arm", "tool", "beam"})
 
 
 def condition(powers: Sequence[DetectionPower]) -> str | None:
-    """What a pass is subject to, after "if": the wrong models with which a run may pass and have wrong
-    offsets are absent. None where there is none."""
+    """What a pass is subject to, after "holds": the wrong models with which a run may pass and have wrong
+    offsets are absent; and always the backlash of the run, since what is taken up from one side alone is a
+    part of the offsets that no residual shows. None where no wrong model was looked at."""
+    if not powers:
+        return None
     may_be = {each.wrong for each in powers if each.dangerous}
     parts = [text for wrong, text in _CONDITIONS if may_be & wrong]
-    return listed(parts) if parts else None
+    of = "for this geometry and backlash" if may_be & _OF_GEOMETRY else "for this backlash"
+    return f"{of}, if {listed(parts)}" if parts else of
 
 
 _MOST_REMAINING = 3
@@ -628,7 +632,7 @@ _WRONG: dict[WrongModel, str] = {
     "moved": "a target moved {size}",
     "reading": "one reading {size} off",
     "typing": "one joint value {size} off",
-    "backlash": "backlash of {size}",
+    "backlash": "backlash of {size}, taken up one way or the other",
     "noise": "noise {size} the stated",
 }
 

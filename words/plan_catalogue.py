@@ -30,7 +30,7 @@ from .entries import (
     FindingEntry,
     Open,
     assumed_of,
-    holds_if,
+    holding,
     if_,
     message_by,
     open_directions,
@@ -280,7 +280,7 @@ PLAN: tuple[FindingEntry[Check], ...] = (
     FindingEntry(
         "conditions of a pass",
         "note",
-        holds_if("a pass of such a run"),
+        holding("a pass of such a run holds"),
         place="cause",
         found=lambda check: some(condition(check.power)),
     ),

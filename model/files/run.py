@@ -281,7 +281,7 @@ class Run(Measurements):
         if len(self.shots) < 2:
             tool = "a calibrated" if calibrated else "an uncalibrated"
             raise BadInput(
-                "one measurement cannot determine any offset",
+                "one measurement can neither determine nor test an offset",
                 found="1 measurement",
                 allowed=f"at least {enough} measurements with {tool} tool, in varied postures",
                 remedy="record more measurements of the same target",

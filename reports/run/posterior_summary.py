@@ -17,7 +17,7 @@ from ...model.errors import BadInput
 from ...words import numbers
 from ...words.finding_words import posterior_message
 from ...words.numbers import unit_of
-from ...words.wording import counted, ended, label, sentence
+from ...words.wording import counted, ended, label, sentence, status_words
 from ..style.blocks import (
     Cell,
     Facts,
@@ -176,7 +176,16 @@ def _chosen(
     if draws is None or not draws.converged or not result.posterior.converged:
         return [], np.zeros((0, 0))
     if names is not None:
-        chosen = [result.parameters.named(parameter_among(draws.names, name, "names")) for name in names]
+        every = [row.name for row in result.parameters]
+        chosen = [result.parameters.named(parameter_among(every, name, "names")) for name in names]
+        for row in chosen:
+            if row.name not in draws.names:
+                raise BadInput(
+                    "a parameter that the data do not determine has no draws",
+                    found=f"{label(row.name)}: {status_words(row.status)}",
+                    allowed=", ".join(draws.names),
+                    argument="names",
+                )
     else:
         determined = _determined(result, draws)
         widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]

@@ -385,7 +385,7 @@ def _legend(figure: Figure, edges: list[float], whole: float, *, next_postures: 
 
 
 def _title(result: Result) -> str:
-    return f"TCP error that 95 % stay below, values entered, {region_words(result.region)}."
+    return "TCP error that 95 % stay below, values entered, in the same region."
 
 
 def _alt(result: Result) -> str:

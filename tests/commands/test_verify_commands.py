@@ -72,6 +72,7 @@ def test_a_corrected_robot_passes_and_one_that_is_not_fails(plan, tmp_path):
     assert len(read_plan(plan).postures) <= 7
     told = rehearsed(plan, tmp_path, "")
     assert (told.status, told.out.partition(".")[0]) == (0, "Pass")
+    assert "No other joint is tested." in " ".join(told.out.split())
     assert "against an error of the tolerance in each offset." in " ".join(told.out.split())
     folder = tmp_path / "report"
     report = json.loads((folder / "verification.json").read_text(encoding="utf-8"))

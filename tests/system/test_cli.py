@@ -478,7 +478,7 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "one shot and a torn line": (
         run_text(None, SHOTS[:1]) + '{"shot":1,"tar',
-        ["line 2:", "one measurement cannot determine"],
+        ["line 2:", "one measurement can neither determine nor test"],
     ),
     "torn line amid the shots": (
         run_text(None, SHOTS[:2]) + '{"shot":7,"tar\n' + json.dumps(SHOTS[2]) + "\n",

@@ -430,3 +430,14 @@ def test_what_seems_to_have_slipped_by_a_wrong_measurement_is_not_said(number: i
     for one in slipped:
         texts = " ".join(message(wrong(one, found)).cautions)
         assert ("seems to have" in texts) == said, texts
+
+
+def test_advice_does_not_contradict_what_was_found() -> None:
+    """More noise was to be stated where that explains nothing, and repeats sent elsewhere than the target."""
+    small = replace(BY_CHANCE, agrees=False)
+    for found, stating in ((BY_CHANCE, True), (small, False)):
+        assert ("noise.scale" in message(wrong(LACK, found)).action.text) == stating
+    apart = RepeatsApart((7, 8), 5.0, 1e-9)
+    assert "before measurement 7," in message(wrong(apart)).action.text
+    both = replace(wrong(apart), misfit=Misfit((apart, MOVED)), findings=(apart, MOVED))
+    assert "between measurements 3 and 4," in message(both).action.text

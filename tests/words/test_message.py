@@ -90,7 +90,7 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
         (row for row in result.parameters if row.group == "offset" and row.std), key=lambda row: row.std or 0
     )
     assert said.verdict.startswith("Pass. J2 to J5 are identified, offset U ≤ ")  # not of the values
-    assert said.cause == ("This holds if nothing changed, readings are right and geometry is as stated.")
+    assert said.cause == "Holds for this geometry and backlash, if nothing changed and readings are right."
     assert said.cautions[0].startswith("To determine J6: measure the laser's mounting and state tool.sigma")
     assert any("Repeat the first postures: " in text for text in said.cautions[1:4])
     assert said.grade == "pass"

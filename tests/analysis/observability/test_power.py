@@ -262,8 +262,9 @@ def test_what_a_pass_is_subject_to() -> None:
     beam = DetectionPower("beam", 0.3, "deg", 0.001, 5.8, None, 0.99, 0.5)
     harmless, sure = DetectionPower("tool", 1.0, "mm", 0.0, 0.2), DetectionPower("noise", 3.0, "1", 0.9, 2.8)
     assert [each.dangerous for each in (jump, harmless, sure)] == [True, False, False]
-    assert condition((jump, harmless, sure, beam)) == ("nothing changed and geometry is as stated")
-    assert condition((harmless, sure)) is None
+    assert condition((jump, harmless, sure, beam)) == "for this geometry and backlash, if nothing changed"
+    assert condition((harmless, sure)) == "for this backlash"
+    assert condition(()) is None
     assert no_plan_sentence((jump, harmless)) == (
         "No plan with this tool and target detects a 0.2° jump of J5’s zero."
     )

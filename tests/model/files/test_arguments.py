@@ -106,7 +106,7 @@ def test_joints_beyond_their_limits_are_warnings_where_that_is_asked_for():
 def test_what_is_wrong_only_for_the_analysis_names_the_run():
     with pytest.raises(zb.BadInput, match=r"^arrays: held names a parameter that is not there"):
         zb.analyse(made(held=["nope"]))
-    with pytest.raises(zb.BadInput, match=r"^arrays: one measurement cannot"):
+    with pytest.raises(zb.BadInput, match=r"^arrays: one measurement can neither"):
         zb.analyse(made(joints=POSTURES[:1]))
 
 

@@ -242,7 +242,7 @@ def test_degrees_that_were_converted_twice_are_asked_about(run_file, refused):
 
 def test_a_run_of_one_shot_tells_nothing(run_file, refused):
     error = refused(read_run(run_file(text(shot(0)))).require_analysable)
-    assert "one measurement cannot determine" in error.what
+    assert "one measurement can neither determine nor test" in error.what
     assert "at least 4" in error.allowed
     assert error.line == 2
     tool = {**HEADER["tool"], "calibrated": False}
