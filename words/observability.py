@@ -632,7 +632,7 @@ _WRONG: dict[WrongModel, str] = {
     "moved": "a target moved {size}",
     "reading": "one reading {size} off",
     "typing": "one joint value {size} off",
-    "backlash": "backlash of {size}, taken up one way or the other",
+    "backlash": "backlash of {size} either way",
     "noise": "noise {size} the stated",
 }
 
