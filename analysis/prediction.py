@@ -442,7 +442,7 @@ def require_predictable(run: Run, other: Run) -> None:
             file=other.path,
         )
     with located(other.path):
-        require_one_arm(*((one.path.name, one.header.provenance) for one in (run, other)))
+        require_one_arm((one.path.name, one.header.provenance) for one in (run, other))
     differing = _headers_differ(run.header, other.header)
     if run.robot.conventions != other.robot.conventions:
         differing.insert(0, ("convention of the robot", run.robot.conventions, other.robot.conventions))

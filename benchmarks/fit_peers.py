@@ -69,6 +69,10 @@ class Cost:
         self.whiten = np.linalg.inv(data["factor"])
         self.asked: Counter[str] = Counter()
 
+    def unscaled(self, y: Any) -> Array:
+        """x (…, 8) of prior stds from the prior mean."""
+        return self.mean + self.std * np.asarray(y)
+
     def residual(self, x: Array) -> Array:
         """(2 N + 8,)"""
         return self.by_flange(frames(self.joints, np.append(0.0, x[:5]))[-1], x)
@@ -206,7 +210,7 @@ def jax_fit(cost: Cost) -> Fit:
     import jax
 
     solve = jax.jit(gauss_newton(cost))
-    return lambda: cost.mean + cost.std * np.array(solve(cost.begun, cost.joints, cost.spots))
+    return lambda: cost.unscaled(solve(cost.begun, cost.joints, cost.spots))
 
 
 def jax_fits(cost: Cost) -> Fit:
@@ -214,7 +218,7 @@ def jax_fits(cost: Cost) -> Fit:
     import jax
 
     solve = jax.jit(jax.vmap(gauss_newton(cost), in_axes=(None, 0, 0)))
-    return lambda: cost.mean + cost.std * np.array(solve(cost.begun, cost.many_joints, cost.many_spots))
+    return lambda: cost.unscaled(solve(cost.begun, cost.many_joints, cost.many_spots))
 
 
 def optimistix_fit(cost: Cost) -> Fit:
@@ -228,7 +232,7 @@ def optimistix_fit(cost: Cost) -> Fit:
     def solve(y: Any, joints: Any, spots: Any) -> Any:
         return optimistix.least_squares(lambda y, of: residual(y, *of), solver, y, (joints, spots)).value
 
-    return lambda: cost.mean + cost.std * np.array(solve(cost.begun, cost.joints, cost.spots))
+    return lambda: cost.unscaled(solve(cost.begun, cost.joints, cost.spots))
 
 
 def gtsam_fit(cost: Cost) -> Fit:
@@ -236,7 +240,7 @@ def gtsam_fit(cost: Cost) -> Fit:
     import gtsam
 
     def error(factor: Any, values: Any, jacobians: list[Array] | None) -> Array:
-        x = cost.mean + cost.std * values.atVector(factor.keys()[0])
+        x = cost.unscaled(values.atVector(factor.keys()[0]))
         if jacobians is not None:
             jacobians[0] = np.asfortranarray(cost.jacobian(x) * cost.std)
         return cost.residual(x)
@@ -250,7 +254,7 @@ def gtsam_fit(cost: Cost) -> Fit:
         start = gtsam.Values()
         start.insert(0, cost.begun)
         found = gtsam.LevenbergMarquardtOptimizer(graph, start, settings).optimize()
-        return cost.mean + cost.std * found.atVector(0)
+        return cost.unscaled(found.atVector(0))
 
     return fit
 

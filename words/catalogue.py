@@ -330,7 +330,7 @@ def _determine(one: Open, case: RunCase) -> str:
     better = _better_postures(one, case)
     if better is None:
         postures = one.direction.tried is not None and one.direction.tried.how != "tolerances"
-        other = " Or plan the best postures, which this command does:" if postures and case.plan else ""
+        other = " Or plan the best postures." if postures and case.plan else ""
         return f"Enter nothing yet: {direction_remedy(one.direction, person)}.{other}"
     return f"Enter nothing yet: {better.text}."
 

@@ -170,11 +170,8 @@ def sentence_of(finding: RunFinding) -> str:
             return criterion_sentence(finding)
 
 
-_UNTIL = (
-    ("hour", 1.0, 72.0),
-    ("day", 24.0, 24.0 * 180),
-    ("year", 24 * 365.25, math.inf),
-)  # by the whole time
+# Of a time from the first run to the last of up to so many hours: a unit, and its hours.
+_UNTIL = ((72.0, "hour", 1.0), (24.0 * 180, "day", 24.0), (math.inf, "year", 24 * 365.25))
 
 
 def time_unit(comparison: Comparison) -> tuple[str, float]:
@@ -183,7 +180,7 @@ def time_unit(comparison: Comparison) -> tuple[str, float]:
     if not comparison.by_time:
         return "run", 1.0
     whole = comparison.runs[-1].at - comparison.runs[0].at
-    return next((name, per) for name, per, most in _UNTIL if whole <= most)
+    return next((name, per) for most, name, per in _UNTIL if whole <= most)
 
 
 def _hint_of_a_drift(comparison: Comparison) -> Iterator[str]:

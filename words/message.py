@@ -225,10 +225,10 @@ def _judged(case: RunCase) -> str:
 
 def _determined(case: RunCase) -> str:
     """What can be said of the offsets, the gravest first."""
-    if case.stopped is not None and case.too_few is not None:
-        return f"{capital(too_few_words(case.too_few))}: no offset is reported."
     if case.stopped is not None:
-        return f"The fit did not converge ({case.stopped}): no offset is reported."
+        few = case.too_few
+        why = f"the fit did not converge ({case.stopped})" if few is None else too_few_words(few)
+        return f"{capital(why)}: no offset is reported."
     if case.misfit is not None:
         return f"{capital(NOT_DESCRIBED)}."
     return offsets_sentence(case.offsets, case.k, case.name)

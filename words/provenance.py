@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from ..model.files.header import SERIAL_KEYS, WHEN_KEYS
+from ..model.files.header import SERIAL_KEYS, WHEN_KEYS, stated_by
 from ..model.files.run import LEFT_OUT, MADE_OF
 from ..model.instruments.kind import Instrument
 from .wording import clipped, shown
@@ -58,7 +58,7 @@ def provenance_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) ->
 
 def first_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
     """The same by the first of the `keys` alone that is there."""
-    return next((shown(str(provenance[key])) for key in keys if key in provenance), "")
+    return shown(stated_by(provenance, keys) or "")
 
 
 def left_out(provenance: Mapping[str, object]) -> Iterator[str]:

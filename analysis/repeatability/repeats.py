@@ -411,6 +411,7 @@ def read_repeats(runs: Sequence[Path | Run], seed: int, progress: Progress) -> t
     _refuse_twice([(repeat.name, repeat.sha256 or "") for repeat in repeats])
     for (first, robot), (other, another) in pairwise(arms):
         _require_same_arm(first, robot, other, another)
+    require_one_arm((repeat.name, repeat.provenance) for repeat in repeats)
     for one_repeat, other_repeat in pairwise(repeats):
         _require_comparable(one_repeat, other_repeat)
     with one_blas_thread():
@@ -476,7 +477,6 @@ def _require_comparable(one: Repeat, other: Repeat) -> None:
     if one.robot != other.robot:
         remedy = "compare the runs of each robot on their own"
         refuse("the runs are of different robots", one.robot, other.robot, "runs of one robot", remedy)
-    require_one_arm((one.name, one.provenance), (other.name, other.provenance))
     if (one.held, one.names) != (other.held, other.names):
         refuse(
             "the runs do not hold the same offsets",

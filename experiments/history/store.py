@@ -244,19 +244,31 @@ def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
     if row.sha256 is None:
         return Arm(*of, 0, None, None, None)
     try:
-        times = _moment_of(row.first), _moment_of(row.last)
-        verdict: Verdict = read(_VERDICT, json.dumps(row.verdict))
         with history.reading() as connection:
-            simulated = is_simulated(_provenance(connection, row.sha256))
-        if not simulated or row.results == 1:
-            return Arm(*of, row.results, *times, verdict, row.sha256, simulated)
+            last, simulated = _last(connection, row)
+        times = _moment_of(row.first), _moment_of(last.last)
+        verdict: Verdict = read(_VERDICT, json.dumps(last.verdict))
+        return Arm(*of, row.results, *times, verdict, last.sha256, simulated)
     except DAMAGED:
-        pass
-    stored = list(results(history, of[:2], damaged))
+        stored = list(results(history, of[:2], damaged))
     if not stored:
         return Arm(*of, 0, None, None, None)
     first, newest = stored[0].measured_at, last_of(stored)
     return Arm(*of, len(stored), first, newest.measured_at, newest.verdict, newest.sha256, newest.simulated)
+
+
+def _last(connection: sa.Connection, row: Any) -> tuple[Any, bool]:
+    """The last result of an arm whose newest is that of `row`, and whether it is a simulated one. The newest
+    are read first, and no more of them than it takes."""
+    if not is_simulated(_provenance(connection, row.sha256)):
+        return row, False
+    when = sa.type_coerce(result.c.measured_at, sa.String).label("last")
+    query = sa.select(result.c.sha256, result.c.verdict, when, _TAIL).outerjoin_from(result, document)
+    query = query.where(result.c.serial == row.serial, result.c.model == row.model)
+    for one in connection.execute(query.order_by(*(each.desc() for each in _ORDER))).all():
+        if not is_simulated(_provenance(connection, one.sha256, one.tail)):
+            return one, False
+    return row, True
 
 
 def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[str, str]:

@@ -490,9 +490,7 @@ def _not_to_enter(solution: Solution, run: Run, holds: Holds) -> tuple[str, ...]
     content = message_so_far(solution, run.path.name, run.header)
     if content.may.enter or holds == "postures":
         return ()
-    text, command = content.action.text, content.action.command
-    command = f" {command}" if command is not None and text.endswith(":") else ""
-    return (f"exported although the message of the run says: {text}{command}",)
+    return (f"exported although the message of the run says: {content.action.text}",)
 
 
 def _weak_values(offsets: Sequence[JointOffset]) -> tuple[str, ...]:

@@ -271,30 +271,8 @@ def numbers_of(text: str, option: str, allowed: str, counts: Collection[int] = (
 
 
 # Of the program's sentences; letters of names stay apart from each other as escapes.
-_IN_ASCII = str.maketrans(
-    {
-        "±": "+-",
-        "°": " deg",
-        "−": "-",
-        "–": "-",
-        "→": "->",
-        "≤": "<=",
-        "≥": ">=",
-        "×": "x",
-        "²": "2",
-        "′": "'",
-    }
-    | {
-        "χ": "chi",
-        "δ": "delta",
-        "’": "'",
-        "‘": "'",
-        "“": '"',
-        "”": '"',
-        "…": "...",
-        "\u00a0": " ",
-        "\u202f": " ",
-    }
+_IN_ASCII = str.maketrans("−–×²′’‘“”\u00a0\u202f", "--x2'''\"\"  ") | str.maketrans(
+    dict(zip("±°→≤≥χδ…", ("+-", " deg", "->", "<=", ">=", "chi", "delta", "..."), strict=True))
 )
 
 

@@ -36,7 +36,7 @@ _SET = re.compile(
     r"|(?:Def[ \t]+)?Plt\b)",
     _I,
 )
-_MEL_JUMP = re.compile(
+_MELFA_JUMP = re.compile(
     r"(?:\*\w|(?:If|Else|ElseIf|For|While|Select|Case|On|Return)\b)|.*\bGo(?:To|Sub)\b", _I
 )
 _ONE = rf"(?:{_NAME}){_INDEX}"
@@ -56,7 +56,7 @@ def read_melfa(reading: BackupReading) -> None:
 class MelfaProgram(LineProgram):
     """A program with its variables."""
 
-    jump = _MEL_JUMP
+    jump = _MELFA_JUMP
     literal = re.compile(rf"(?P<numbers>{_MELFA_VALUES})(?P<flags>{_FLAGS})")
     shifts = (  # components of both; B in the axes of the tool at A
         (re.compile(rf"(?P<goal>{_ONE})[ \t]*\+[ \t]*(?P<by>{_ONE})", _I), "frame"),

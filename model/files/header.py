@@ -7,7 +7,7 @@ are those of `docs/files.md`; what is not among them is an error.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self, Union
 
@@ -827,16 +827,19 @@ def by_plain_key(provenance: Mapping[str, object]) -> dict[str, object]:
 def stated_by(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str | None:
     """What a provenance states by the first of the plain `keys` that is there."""
     plain = by_plain_key(provenance)
-    return next((str(plain[key]).strip() for key in keys if key in plain), None)
+    return next((str(plain[key]) for key in keys if key in plain), None)
 
 
-def require_one_arm(one: tuple[str, Mapping[str, object]], other: tuple[str, Mapping[str, object]]) -> None:
-    """BadInput where the provenances of two runs, each behind its name, state different serial numbers."""
-    serials = [stated_by(provenance, SERIAL_KEYS) for _, provenance in (one, other)]
-    if None not in serials and serials[0] != serials[1]:
+def require_one_arm(runs: Iterable[tuple[str, Mapping[str, object]]]) -> None:
+    """BadInput where the provenances of runs, each behind its name, state different serial numbers."""
+    by_serial: dict[str, str] = {}
+    for name, provenance in runs:
+        if (serial := stated_by(provenance, SERIAL_KEYS)) is not None:
+            by_serial.setdefault(serial, name)
+    if len(by_serial) > 1:
         raise BadInput(
             "the runs are of different arms: their serial numbers differ",
-            found=f"{serials[0]} in {one[0]}, {serials[1]} in {other[0]}",
+            found=", ".join(f"{serial} in {name}" for serial, name in by_serial.items()),
             allowed="runs of one arm",
             remedy="name the runs of one arm, or correct provenance.serial in the header of its run",
         )

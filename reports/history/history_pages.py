@@ -84,8 +84,8 @@ _NO_TEXT = "—"
 _CERTIFY = "A signed certificate of one of them: zerobeam history certify, with --run or --date."
 DUE_MEANS = (
     "until then the TCP error by the offsets alone stays within the tolerance with a probability of"
-    " 95\u00a0%, if the offsets of the last result are applied. What links leave comes on top. Jumps are not"
-    " foreseen"
+    " 95\u00a0%, if the offsets of the last result are applied. The error that links leave comes on top."
+    " Jumps are not foreseen"
 )
 
 

@@ -187,7 +187,7 @@ def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
         yield Paragraph(f"Not counted: the result of {day(left.result.measured_at)}: {left.reason}.")
 
 
-ON_TOP = "What links leave comes on top: the report of the last result has it"
+_ON_TOP = "The error that links leave comes on top: see the report of the last result."
 
 
 def due_sentence(arm: ArmDrift) -> str:
@@ -195,7 +195,7 @@ def due_sentence(arm: ArmDrift) -> str:
     tolerance = numbers.exact(arm.tolerance_mm, "mm")
     limit = f"a TCP error by the offsets alone within {tolerance} (95 %, rms over the region of the last run)"
     if arm.due is not None and not arm.due_reason:
-        return f"Next calibration due: {arm.due:%Y-%m-%d}, for {limit}. {ON_TOP}."
+        return f"Next calibration due: {arm.due:%Y-%m-%d}, for {limit}. {_ON_TOP}"
     word = "due now" if arm.due is not None else "no due date"
     return f"Next calibration: {word} for {limit}: {with_labels(arm.due_reason)}."
 

@@ -176,8 +176,8 @@ def _chosen(
     if draws is None or not draws.converged or not result.posterior.converged:
         return [], np.zeros((0, 0))
     if names is not None:
-        every = [row.name for row in result.parameters]
-        chosen = [result.parameters.named(parameter_among(every, name, "names")) for name in names]
+        every = result.parameters
+        chosen = [every.named(parameter_among(every.names, name, "names")) for name in names]
         for row in chosen:
             if row.name not in draws.names:
                 raise BadInput(

@@ -165,6 +165,7 @@ def _spread(value: float) -> str:
 
 
 NAME = "tool_accuracy"
+_TITLE = "TCP error that 95 % stay below, values entered, in the same region."
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
 # Inches: beside and below panels, between them, above them with the key, and the tallest panel.
 _LEFT, _BELOW, _APART, _HEAD, _TALLEST = 0.62, 0.5, 0.95, 0.95, 3.0
@@ -202,7 +203,7 @@ def workspace_picture(result: Result) -> Picture | None:
             left += across / inch + _APART
         _legend(figure, edges, whole, next_postures=bool(_proposed(result)))
         svg = to_svg(figure, NAME)
-    return Picture(NAME, _title(result), _alt(result), svg)
+    return Picture(NAME, _TITLE, _alt(result), svg)
 
 
 def _proposed(result: Result) -> Sequence[NextPosture]:
@@ -382,10 +383,6 @@ def _legend(figure: Figure, edges: list[float], whole: float, *, next_postures: 
             **options,
         )
     )
-
-
-def _title(result: Result) -> str:
-    return "TCP error that 95 % stay below, values entered, in the same region."
 
 
 def _alt(result: Result) -> str:

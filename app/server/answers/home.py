@@ -20,12 +20,7 @@ from ....model.files.robot_file import RobotFile, built_in_robots, read_rows, st
 from ....model.instruments.registry import kinds_of
 from ....model.records import if_any, it, record
 from ....words.message import read_message, result_words
-from ....words.provenance import (
-    KEYS,
-    SERIAL,
-    first_entry,
-    is_simulated,
-)
+from ....words.provenance import KEYS, SERIAL, first_entry, is_simulated
 from ....words.wording import clipped, counted
 from ..index import Facts, Folder, FolderFile, Head, Index, Unread
 from ..job_commands import StartedRuns

@@ -513,6 +513,8 @@ def test_runs_that_are_not_repeats_are_refused(tmp_path: Path) -> None:
             "\n".join([json.dumps(head | {"provenance": own}), *source.read_text().splitlines()[1:]])
         )
     refused(serials, "different arms", "A in a.jsonl, B in b.jsonl")
+    between = with_header(provenance={"note": "no serial number"})[1]
+    refused([serials[0], between, serials[1]], "different arms", "A in a.jsonl, B in b.jsonl")
     open_tool = with_header(tool={**LASER, "calibrated": False})
     refused(open_tool, "do not hold the same offsets", "delta1, delta6 in changed.jsonl")
     estimated = {**head["noise"], "scale": "estimated"}
