@@ -128,3 +128,77 @@ def test_what_is_measured_again_follows_its_posture(tmp_path: Path) -> None:
     assert [row["again"] for row in moved[7:]] == [1, 2]
     assert ["again" in row for row in own[7:]] == [False, True]
     assert all("again" not in row for row in removed[6:])
+
+
+# A browser that keeps drafts, and a server whose answers come when they are called.
+SERVED = """(async () => {
+  const kept = new Map(), waiting = [], names = { a: "cell/a.yaml", b: "cell/b.yaml" };
+  globalThis.localStorage = { getItem: (key) => kept.get(key) ?? null,
+    setItem: (key, text) => kept.set(key, text), removeItem: (key) => kept.delete(key) };
+  globalThis.requestAnimationFrame = (then) => setTimeout(then);
+  globalThis.fetch = (path, { method, body }) => new Promise((done) => {
+    const answer = (content) => done({ ok: true, status: 200, json: async () => content });
+    if (/files|home/.test(path)) answer(path.includes("home") ? { calibrations: [] } : []);
+    else waiting.push({ what: `${method} ${decodeURIComponent(path)}`, body, answer });
+  });
+  const tick = () => new Promise((done) => setTimeout(done, 5));
+  const comes = async (what, content) => {
+    await tick();
+    const at = waiting.findIndex((one) => one.what.includes(what));
+    const [one] = waiting.splice(at, at < 0 ? 0 : 1);
+    one?.answer(content);
+    await tick();
+    return one?.body && JSON.parse(one.body);
+  };
+  const read = (name) => comes(`file=${names[name]}`, { plan: input[name], version: `${name}1`, robot: {} });
+  const turned = (joint) => m.change(null, (plan) => { plan.postures_deg[0][0] = joint; });
+  const now = () => ({ file: m.file.value, joint: m.plan.value?.postures_deg[0][0], unsaved: m.unsaved.value,
+    drafts: [...kept].map(([key, text]) => [key.at(-6), JSON.parse(text).content.postures_deg[0][0]]) });
+  m.open(names.a);
+  await read("a");
+  %s
+  return now();
+})()"""
+PLANS = {name: {"robot": "irb1600", "postures_deg": [[k] * 6]} for k, name in enumerate("ab")}
+
+
+def opened(folder: Path, steps: str) -> Any:
+    """What is open at the end of some steps, with plan a open at first."""
+    return paged(folder, "core/editing.js", SERVED % steps, PLANS)
+
+
+def test_an_edit_outlives_what_was_asked_for_before_it(tmp_path: Path) -> None:
+    """Of a plan that a view opens twice the first answer is edited before the second comes."""
+    steps = 'm.close(); m.open(names.b); m.open(names.b); await read("b"); turned(9); await read("b");'
+    now = opened(tmp_path, steps)
+    assert now == {"file": "cell/b.yaml", "joint": 9, "unsaved": True, "drafts": [["b", 9]]}
+
+
+def test_the_plan_that_is_open_is_that_of_the_address(tmp_path: Path) -> None:
+    back = opened(tmp_path, 'm.open(names.b); m.open(names.a); turned(9); await read("b");')
+    assert back == {"file": "cell/a.yaml", "joint": 9, "unsaved": True, "drafts": [["a", 9]]}
+
+
+def test_an_edit_before_another_plan_is_there_is_kept_as_a_draft(tmp_path: Path) -> None:
+    away = 'm.open(names.b); turned(9); await read("b");'
+    assert opened(tmp_path, away) == {
+        "file": "cell/b.yaml", "joint": 1, "unsaved": False, "drafts": [["a", 9]],
+    }  # fmt: skip
+
+
+def test_a_plan_that_was_left_while_it_was_written_is_not_mixed_with_the_next(tmp_path: Path) -> None:
+    written = '{ file: names.a, version: "a2", notes: [] }'
+    now = opened(
+        tmp_path,
+        f'turned(9); m.save(); await tick(); m.open(names.b); await read("b"); turned(8);'
+        f' const sent = await comes("PUT", {written}); if (sent.file !== names.a) throw sent;',
+    )
+    assert now == {"file": "cell/b.yaml", "joint": 8, "unsaved": True, "drafts": [["b", 8]]}
+
+
+def test_a_plan_that_is_saved_twice_is_no_conflict_with_itself(tmp_path: Path) -> None:
+    written = '{ file: names.a, version: "a2", notes: [] }'
+    steps = f'turned(9); m.save(); const again = m.save(); await comes("PUT", {written}); await again;'
+    refused = 'if (waiting.some((one) => one.what.includes("PUT")) || m.conflict.value) throw waiting;'
+    now = opened(tmp_path, steps + refused)
+    assert now == {"file": "cell/a.yaml", "joint": 9, "unsaved": False, "drafts": []}

@@ -1,7 +1,7 @@
 // The step Cell: what does not change from posture to posture. Robot, instrument, noise, targets, constraints,
 // obstacles.
 import { html } from "htm/preact";
-import { arm, plan } from "../core/editing.js";
+import { arm, file, plan } from "../core/editing.js";
 import { fixed, withUnit } from "../core/words.js";
 import { Making } from "../plan/Making.js";
 import { PlanBar, PlanMessage, PlanScene, useAddressedPlan, usePlanKeys } from "../plan/Plan.js";
@@ -40,7 +40,7 @@ export function Cell() {
   const inspector = html`
     <${PlanBar} />
     <h2>Robot</h2><${Robot} />
-    <${Fold} title="Check it against the pendant"><${Pendant} /><//>
+    <${Fold} title="Check it against the pendant"><${Pendant} key=${file.value} /><//>
     <h2>Targets</h2><${Targets} />
     <h2>Instrument</h2><${Instrument} />
     <${Fold} title="Noise"><${Noise} /><//>

@@ -2,7 +2,7 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { getFile, put } from "../core/api.js";
-import { answer, change, chosen, plan } from "../core/editing.js";
+import { answer, change, chosen, file as opened, plan } from "../core/editing.js";
 import { attempt, freeName, inside, ofCalibration, ofKind, refresh, say, versionOf } from "../core/store.js";
 import { route } from "../core/route.js";
 import { Choice } from "../parts/Choice.js";
@@ -25,11 +25,10 @@ const add = () => change(null, (content) => {
     max_mm: corner(SIZE / 2) });
 });
 const take = (/** @type {string} */ name) => attempt(async () => {
+  const of = opened.value;
   file.value = name;
-  if (name) {
-    state(AT,
-      /** @type {import("./keys.js").Part} */ (/** @type {unknown} */ ((await getFile("obstacles", name)).obstacles)));
-  }
+  const found = name ? await getFile("obstacles", name) : null;
+  if (found !== null && of === opened.value) state(AT, found.obstacles);
 });
 const drop = (/** @type {number} */ i) =>
   change(null, (content) => { content.constraints?.obstacles?.boxes?.splice(i, 1); });
@@ -38,10 +37,10 @@ export function Obstacles() {
   const content = plan.value?.constraints?.obstacles, name = useSignal("");
   const proposed = file.value || freeName(`${inside(route.value.name)}obstacles.yaml`);
   const save = () => attempt(async () => {
-    const to = name.value.trim() || proposed;
+    const to = name.value.trim() || proposed, of = route.value.name;
     const done = await put("/api/obstacles", { file: to, obstacles: stated(AT) },
       to === file.value ? versionOf(to) : null);
-    file.value = done.file;
+    file.set(done.file, of);
     say(`Saved as ${done.file}.`);
     await refresh();
   });

@@ -33,6 +33,7 @@ export function Pendant() {
   const content = plan.value, planned = content === null ? null : jointsOf(content, chosen.value);
   // As the plan has them they are counted from link to link; what is typed is as the pendant counts.
   const ask = useMemo(() => latest(
+    () => null,
     () => post("/api/robot", { robot: robotFrom(plan.value?.robot ?? "", file.value), j3: j3.value,
       ...(values.value ? { joints_deg: values.value } : { joints_deg: planned, as_in_files: true }) }),
     (answer) => {

@@ -1,8 +1,8 @@
 // What the button beside a message does: a job, postures that are applied, measurements that are left out, or a step
 // that is opened. The server says which.
 import { begin, outOf, well } from "./jobs.js";
-import { change, file, open, plan } from "./editing.js";
-import { failed, refresh } from "./store.js";
+import { change, file } from "./editing.js";
+import { refresh } from "./store.js";
 import { calibrationOf, go, goOn, route, toJob } from "./route.js";
 
 /** @typedef {NonNullable<import("answers").OfferedAction["does"]>} Deed */
@@ -33,10 +33,6 @@ export async function doAction(deed, begun, leaveOut) {
  * @param {import("answers").DoesPostures} suggested
  */
 function apply({ postures_deg, targets, again }) {
-  if (plan.value === null) {
-    open(file.value).catch(failed);
-    return;
-  }
   change(null, (content) => {
     content.postures_deg = postures_deg.map((joints_deg, i) => {
       const repeated = again?.[i] ?? null;

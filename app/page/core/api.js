@@ -116,25 +116,28 @@ export async function upload(name, content) {
 
 /**
  * Asks for the newest state only, and says with an answer whether it is still the newest: one request is under way,
- *   what came meanwhile is left out, and between two the page is painted.
+ *   what came meanwhile is left out, and between two the page is painted. An answer, or a refusal, is dropped where
+ *   `of`, which says what is asked about, is another by then.
  * @template T
+ * @param {() => unknown} of
  * @param {() => Promise<T | null>} ask
  * @param {(answer: T, newest: boolean) => void} shown
  * @param {(error: Refused) => void} refused
  */
-export function latest(ask, shown, refused) {
+export function latest(of, ask, shown, refused) {
   let wanted = false, waiting = false, busy = false;
   async function go() {
     waiting = false;
     if (busy || !wanted) return;
     wanted = false;
     busy = true;
+    const about = of();
     try {
       const answer = await ask();
-      if (answer !== null) shown(answer, !wanted);
+      if (answer !== null && of() === about) shown(answer, !wanted);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
-      refused(error);
+      if (of() === about) refused(error);
     } finally {
       busy = false;
       if (wanted) soon();

@@ -20,6 +20,8 @@ const MOST_STEPS = 200; // that can be undone
 
 /** @type {import("@preact/signals").Signal<string>} the plan file, "" where none is open */
 export const file = signal("");
+/** The plan that is being opened, "" for none: the answer to what was to be opened before it is dropped. */
+export const opening = signal("");
 export const plan = signal(/** @type {PlanContent | null} */ (null));
 /** Arms (zerobeam/arm/1, drawn) by what plans state as their robot. */
 const arms = signal(/** @type {Record<string, import("answers").DrawnArm>} */ ({}));
@@ -54,6 +56,16 @@ let merging = ""; // the key of the last change: typing on is one step
 export const canUndo = computed(() => past.value.before.length > 0);
 export const canRedo = computed(() => past.value.after.length > 0);
 export const unsaved = computed(() => plan.value !== null && JSON.stringify(plan.value) !== disk.value.text);
+
+/**
+ * State of the plan that is open: as it begins where another one is opened.
+ * @template T @param {T} first
+ */
+export function ofPlan(first) {
+  const now = signal({ of: "", value: first });
+  return { get value() { return now.value.of === file.value ? now.value.value : first; },
+    set value(value) { now.value = { of: file.value, value }; } };
+}
 
 /** @param {PlanContent} content @param {number} i */
 export const jointsOf = (content, i) => {
@@ -135,13 +147,9 @@ export function lostDrafts() {
 export const lostDraftsOf = (name) => lostDrafts().filter((draft) => calibrationOf(draft.plan) === name);
 
 const ask = latest(
-  async () => {
-    const content = plan.value, name = file.value;
-    if (content === null) return null;
-    const found = /** @type {Checked} */ (await post("/api/check",
-      { plan: content, scene: true, links: true, file: name }));
-    return name === file.value ? found : null;
-  },
+  () => file.value,
+  async () => (plan.value === null ? null : /** @type {Checked} */ (await post("/api/check",
+    { plan: plan.value, scene: true, links: true, file: file.value }))),
   (found, newest) => batch(() => {
     answer.value = found;
     wrong.value = null;
@@ -156,20 +164,28 @@ const ask = latest(
 
 /**
  * Opens a plan file: what it holds, or the draft that was left of it. Of a file that is gone the draft is opened.
+ * What is open stays as it is edited; of several that are to be opened the last is.
  * @param {string} name
  */
 export async function open(name) {
-  const draft = draftOf(name);
+  const isOpen = name === file.value && plan.value !== null;
+  opening.value = isOpen ? "" : name;
+  if (isOpen) return;
   const found = await getFile("plan", name).catch((/** @type {unknown} */ error) => {
-    if (draft === null || versionOf(name) !== null) throw error;
-    return null;
+    if (opening.value !== name || (draftOf(name) !== null && versionOf(name) === null)) return null;
+    opening.value = "";
+    throw error;
   });
+  const kept = draftOf(name);
+  if (kept !== null) await fetchArm(kept.content, name);
+  if (opening.value !== name) return;
+  const draft = draftOf(name); // as it is by now
   const text = found === null ? "" : JSON.stringify(found.plan), version = found?.version ?? null;
   const differs = draft !== null && JSON.stringify(draft.content) !== text;
   const outdated = differs && draft.base !== version;
-  if (found !== null) arms.value = { [robotKey(found.plan)]: found.robot };
-  if (differs) await fetchArm(draft.content, name);
   batch(() => {
+    if (found !== null) arms.value = { ...arms.peek(), [robotKey(found.plan)]: found.robot };
+    opening.value = "";
     file.value = name;
     disk.value = { version, text };
     base.value = differs ? draft.base : version;
@@ -189,7 +205,7 @@ export async function open(name) {
 /** No plan is open any more. */
 export function close() {
   batch(() => {
-    file.value = "";
+    file.value = opening.value = "";
     plan.value = answer.value = wrong.value = conflict.value = null;
     restored.value = "";
   });
@@ -248,19 +264,29 @@ async function ensureFolderOf(name) {
   }
 }
 
+let saving = Promise.resolve(true);
 /**
- * Writes the plan; where the file has changed meanwhile, `conflict` says so and nothing is written.
- * @param {string} [as] another file, a new one
+ * Writes the plan, after what is being written; where the file has changed meanwhile, `conflict` says so and nothing
+ *   is written.
+ * @param {string} [as] another file, a new one @returns {Promise<boolean>} whether it was written
  */
-export async function save(as = file.value) {
-  const content = plan.value;
+export function save(as = file.value) {
+  const name = file.value;
+  return saving = saving.catch(() => false).then(() => file.value === name && write(as));
+}
+
+/** @param {string} as */
+async function write(as) {
+  const content = plan.value, name = file.value, same = as === name, version = same ? base.value : null;
   if (content === null) return false;
-  const text = JSON.stringify(content), same = as === file.value, version = same ? base.value : null;
+  if (same && version !== null && !unsaved.value) return true;
+  const text = JSON.stringify(content), left = () => file.value !== name; // another plan is open by now
   try {
     if (version === null) await ensureFolderOf(as);
     const done = await put("/api/plan", { file: as, plan: content }, version);
-    forget(file.value);
+    if (!left() || JSON.stringify(draftOf(name)?.content) === text) forget(name);
     batch(() => {
+      if (left()) return;
       file.value = done.file;
       disk.value = { version: done.version, text };
       base.value = done.version;
@@ -273,7 +299,8 @@ export async function save(as = file.value) {
     return true;
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    if (error.status === 412
+    if (left()) failed(error);
+    else if (error.status === 412
       && same) await showConflict(/** @type {Parameters<typeof showConflict>[0]} */ (error.current));
     else wrong.value = error;
     return false;
@@ -288,8 +315,8 @@ export const hasEdits = (name) => (name !== "" && name === file.value ? unsaved.
  * @param {string} name
  */
 export async function saveEdits(name) {
-  if (name !== file.value) await open(name);
-  return !unsaved.value || save();
+  await open(name);
+  return name === file.value && (!unsaved.value || save());
 }
 
 /**
@@ -297,9 +324,9 @@ export async function saveEdits(name) {
  * @param {{version: string, content: {plan: PlanContent} | null} | null} current
  */
 async function showConflict(current) {
-  const content = current?.content?.plan ?? null;
-  if (content !== null) await fetchArm(content, file.value);
-  conflict.value = current ? { version: current.version, content } : "gone";
+  const content = current?.content?.plan ?? null, name = file.value;
+  if (content !== null) await fetchArm(content, name);
+  if (name === file.value) conflict.value = current ? { version: current.version, content } : "gone";
 }
 
 /** What the file holds takes the place of what is edited: it can be undone. */

@@ -50,9 +50,12 @@ export function go(hash, { replace = false, sure = false } = {}) {
   route.value = read(hash);
 }
 
-/** Goes on to what has been done, unless its reader has left meanwhile. @param {Route} from @param {string} hash */
-export function goOn(from, hash) {
-  if (route.value.view === from.view && route.value.name === from.name) go(hash);
+/**
+ * Goes on to what has been done, unless its reader has left meanwhile.
+ * @param {Route} from @param {string} hash @param {Parameters<typeof go>[1]} [how]
+ */
+export function goOn(from, hash, how) {
+  if (route.value.view === from.view && route.value.name === from.name) go(hash, how);
 }
 
 /**

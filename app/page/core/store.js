@@ -37,10 +37,10 @@ export function ownerOf(file) {
 /** The file that the address names; "" where that is of another calibration: nothing is shown under another's name. */
 export const addressed = computed(() => (ownerOf(route.value.file) === route.value.name ? route.value.file : ""));
 
-/** @param {unknown} error */
-export function failed(error) {
+/** @param {unknown} error @param {string} [of] the calibration, which is named where it has been left meanwhile */
+export function failed(error, of = route.value.name) {
   if (!(error instanceof Refused)) throw error;
-  fault.value = error.text;
+  fault.value = (of && of !== route.value.name ? `${of}: ` : "") + error.text;
 }
 
 /**
@@ -48,11 +48,12 @@ export function failed(error) {
  * @template T @param {() => Promise<T>} work @returns {Promise<T | undefined>}
  */
 export async function attempt(work) {
+  const { name } = route.value;
   try {
     fault.value = "";
     return await work();
   } catch (error) {
-    failed(error);
+    failed(error, name);
     return undefined;
   }
 }
@@ -66,7 +67,9 @@ export function ofCalibration(first) {
   return {
     /** @returns {T} */
     get value() { return all.value.get(route.value.name) ?? first; },
-    set value(next) { all.value = new Map(all.value).set(route.value.name, next); },
+    set value(next) { this.set(next); },
+    /** What has come of it in a calibration, whichever is open by now. @param {T} next @param {string} [of] */
+    set(next, of = route.value.name) { all.value = new Map(all.value).set(of, next); },
   };
 }
 

@@ -60,10 +60,11 @@ export function New() {
     place.value = found.places[0].kind;
   }, failed); }, []);
   const propose = useMemo(() => latest(
+    () => robot.value + instrument.value,
     () => (robot.value && instrument.value
       ? post("/api/calibrations/proposal", { robot: robot.value, instrument: instrument.value })
       : Promise.resolve(null)),
-    (found, newest) => { if (newest) proposal.value = found; },
+    (found) => { proposal.value = found; },
     () => {}, // what is wrong with the robot is said once a plan is made
   ), []);
   useEffect(() => { proposal.value = null; mounted.value = {}; propose(); }, [robot.value, instrument.value]);

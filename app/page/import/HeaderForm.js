@@ -35,6 +35,7 @@ export function HeaderForm() {
   }
 
   const check = useMemo(() => latest(
+    () => null,
     async () => {
       const header = content.peek();
       // Before robot, instrument and noise are stated there is nothing to check.

@@ -40,7 +40,8 @@ export function Outcome() {
                   onClick=${() => { take(); outcome.value = null; }}>Take it, then import again</button>`}</li>`;
         })}</ul>`}
       ${written && html`
-        <p class="bar"><button type="button" class=${fit ? "" : "main"} onClick=${toResult}>To the result</button></p>`}
+        <p class="bar">
+          <button type="button" class=${fit ? "" : "main"} onClick=${() => toResult()}>To the result</button></p>`}
       <h3>How the files were read</h3>
       <ul class="understood">${understood.map((line) => html`<li>${line}</li>`)}</ul>
     </section>`;

@@ -1,7 +1,7 @@
 // The import carried out: tried, written, tested by a fit, and then its result.
 import { signal } from "@preact/signals";
 import { begin, well } from "../core/jobs.js";
-import { go, toJob } from "../core/route.js";
+import { goOn, route, toJob } from "../core/route.js";
 import { Refused } from "../core/api.js";
 import { home, refresh, say } from "../core/store.js";
 import { keepAnalysis } from "../result/state.js";
@@ -55,7 +55,7 @@ export const carryOut = (dry) => refusable(async () => {
   if (asked === null) return;
   if (asked.missing) { refusal.value = asked.text; return; }
   outcome.value = null;
-  const { words } = asked, file = out.value, to = folder.value;
+  const { words } = asked, file = out.value, to = folder.value, from = route.value;
   await ensureFolder();
   const job = await done(dry ? [...words, "--dry-run"] : words, dry ? "Trying" : "Importing");
   if (job === null) return;
@@ -64,21 +64,25 @@ export const carryOut = (dry) => refusable(async () => {
   if (dry) { say("Tried: nothing was written."); return; }
   outTyped.value = "";
   await refresh();
-  await test();
+  await test(from);
 });
 
-/** A fit tries what is often wrong with a recording; where it finds nothing, the result is shown. */
-async function test() {
+/**
+ * A fit tries what is often wrong with a recording; where it finds nothing, the result is shown.
+ * @param {import("../core/route.js").Route} from
+ */
+async function test(from) {
   const imported = outcome.value;
   if (imported === null) return;
   const job = await done(["analyse", imported.written], "Testing unit, signs and order by a fit");
   if (job?.answer == null || outcome.value !== imported) return;
   outcome.value = { ...imported, fit: /** @type {Outcome["fit"]} */ (job.answer) };
   keepAnalysis(job, imported.written);
-  if (!job.answer.diagnosis?.length) toResult();
+  if (!job.answer.diagnosis?.length) toResult(from);
 }
 
-export function toResult() {
+/** @param {import("../core/route.js").Route} [from] where its reader was */
+export function toResult(from = route.value) {
   const imported = outcome.value;
   if (imported === null) return;
   const cut = imported.written.lastIndexOf("/"), name = cut < 0 ? "." : imported.written.slice(0, cut);
@@ -87,6 +91,6 @@ export function toResult() {
     + "An error that changes no residual stays unseen, such as the sign of a joint that did not move.";
   const tested = fit?.verdict === "misfit" ? "None of the causes that were tried explains the misfit." : clear;
   say(fit === null ? "Imported." : `Imported. ${tested}`);
-  go(toJob(home.value?.calibrations.some((one) => one.name === name) ? name : imported.folder, "result",
+  goOn(from, toJob(home.value?.calibrations.some((one) => one.name === name) ? name : imported.folder, "result",
     imported.written));
 }

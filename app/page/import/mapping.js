@@ -28,13 +28,13 @@ const source = computed(() => {
 });
 
 const ask = latest(
+  () => source.peek(),
   async () => {
     const asked = source.peek(), { columns, units, lengths, reversed, j3 } = mapped.peek();
     if (asked === null) return null;
     const { files, robot, beside } = asked;
-    const found = await post("/api/columns", { files, robot, beside, ...layout.peek(), ...(columns ? { columns } : {}),
+    return post("/api/columns", { files, robot, beside, ...layout.peek(), ...(columns ? { columns } : {}),
       units: units || null, lengths: lengths || null, reversed_joints: reversed, j3: j3 || null });
-    return asked === source.peek() ? found : null;
   },
   (found) => {
     wrong.value = null;

@@ -1,7 +1,7 @@
 // The step Measure: a plan carried out by a simulation, by hand or by a robot, and what is seen of it.
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
-import { signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import { getFile } from "../core/api.js";
 import { over } from "../core/jobs.js";
 import { calibrationOf, go, route, toJob } from "../core/route.js";
@@ -21,9 +21,6 @@ import { command, earlier, fetchEarlier, followedFile, here, listUnfinished, mis
   settled, state, underWay } from "./running.js";
 import { Start } from "./Start.js";
 import { Unfinished } from "./Unfinished.js";
-
-/** The run file that the address names, where it is not the one that is followed. */
-const record = signal(/** @type {import("answers").RunSoFar | null} */ (null));
 
 /** Where the run is, or what came of it: the server's message once there is one. */
 function Now() {
@@ -50,9 +47,8 @@ function Now() {
       ${rest}</section>`;
 }
 
-/** A run file that is on the disk: what it holds. */
-function Record() {
-  const found = record.value;
+/** A run file that is on the disk: what it holds. @param {{found: import("answers").RunSoFar | null}} props */
+function Record({ found }) {
   if (!found) return null;
   const count = found.recorded.length, of = found.postures ? ` of ${found.postures}` : "";
   const said = `${count}${of} ${count === 1 ? "measurement is" : "measurements are"} kept in ${found.file}.`;
@@ -113,8 +109,9 @@ function Drawer({ rows, tolerances, residuals, suspect, lines }) {
     </div>`;
 }
 
-/** Follows the address: a run file to look at, or a plan to carry out. @returns {string} the plan */
+/** Follows the address: a run file to look at (where it is not the one that is followed), or a plan to carry out. */
 function useAddress() {
+  const record = useSignal(/** @type {import("answers").RunSoFar | null} */ (null));
   const { name } = route.value, file = addressed.value, plans = calibration.value?.files.plan ?? [];
   const plan = useSignal(/\.ya?ml$/.test(file) ? file : "");
   const isRun = /\.jsonl?$/.test(file);
@@ -130,11 +127,12 @@ function useAddress() {
       if (found.plan) plan.value = found.plan;
     });
   }, [name, file, followedFile.value]);
-  return plan.value || plans[0] || "";
+  return { stated: plan.value || plans[0] || "", record: record.value };
 }
 
 export function Measure() {
-  const stated = useAddress(), { name } = route.value, file = addressed.value, at = state.value, seen = run.value;
+  const { stated, record } = useAddress(), { name } = route.value, file = addressed.value;
+  const at = state.value, seen = run.value;
   const following = at !== null && here.value && (underWay.value || !file || file === followedFile.value);
   const picked = useSignal(""), looked = useSignal(0);
   const plan = following && command.value.length ? /** @type {string} */ (command.value.at(-1))
@@ -149,8 +147,8 @@ export function Measure() {
   const byHand = following && seen.asked !== null && at.asks === "lines" && at.state === "running" && !seen.end;
   const rows = following
     ? [...earlier.value.filter((row) => !seen.course.length || row.recorded < seen.course[0].recorded), ...seen.course]
-    : record.value?.course ?? [];
-  const kept = following ? seen : record.value, enough = following ? seen.tolerance : null, point = rows.at(-1) ?? null;
+    : record?.course ?? [];
+  const kept = following ? seen : record, enough = following ? seen.tolerance : null, point = rows.at(-1) ?? null;
   const offsets = point ? Object.keys(point.std) : [];
   // An adaptive run ends at a u of its own, whatever counts as identified.
   const tolerances = enough === null ? (following ? seen.tolerances : kept?.tolerance) ?? {}
@@ -165,7 +163,7 @@ export function Measure() {
     : plan ? html`<p class="muted centred">…</p>`
     : html`
       <p class="muted centred nothing">
-        ${record.value ? "The plan of this run is not here: its postures are not drawn."
+        ${record ? "The plan of this run is not here: its postures are not drawn."
           : "No plan to carry out yet."}</p>`;
   const inspector = html`
     ${missing.value && html`<p class="error" role="alert">${missing.value}</p>`}
@@ -203,7 +201,8 @@ export function Measure() {
     ${following && html`
       <${Fold} title="Log"><pre class="log" tabindex="0" aria-label="Log">${at.log.join("\n")}</pre><//>`}`;
   return html`
-    <${Workspace} name="The run" message=${following ? html`<${Now} />` : html`<${Record} />`} scene=${scene}
+    <${Workspace} name="The run" message=${following ? html`<${Now} />` : html`<${Record} found=${record} />`}
+      scene=${scene}
       inspector=${html`<div class=${byHand ? "by-hand" : ""}>${inspector}</div>`}
       drawer=${following || rows.length
         ? html`

@@ -3,7 +3,7 @@ import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { hasEdits, saveEdits, wrong } from "../core/editing.js";
 import { outOf } from "../core/jobs.js";
-import { calibrationOf, go, route, toJob } from "../core/route.js";
+import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { calibration, freeName, ofCalibration, typedIn } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { Fields, missingOf, wordsOf } from "../parts/Fields.js";
@@ -28,6 +28,7 @@ export function Start({ plan, rigs, onPlan }) {
   const proposed = plan ? freeName(plan.replace(/\.[^./]*$/, "-run.jsonl")) : "", edited = hasEdits(plan);
   const begin = async () => {
     if (!rig) return;
+    const from = route.value;
     busy.value = true;
     try {
       if (saving.value && edited && !(await saveEdits(plan))) {
@@ -39,7 +40,7 @@ export function Start({ plan, rigs, onPlan }) {
       await start(words, password.value);
       password.value = file.value = "";
       const out = outOf(words);
-      go(toJob(calibrationOf(out), "measure", out), { replace: true, sure: true });
+      goOn(from, toJob(calibrationOf(out), "measure", out), { replace: true, sure: true });
     } finally {
       busy.value = false;
     }

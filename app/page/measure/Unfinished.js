@@ -1,7 +1,7 @@
 // Runs that have not reached their end, to go on with.
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
-import { calibrationOf, go, route, toJob } from "../core/route.js";
+import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
 import { start, unfinished } from "./running.js";
 import { into, value as heard } from "../parts/heard.js";
@@ -19,12 +19,13 @@ function Item({ one }) {
   ].filter(Boolean).join(" ");
   const again = () => {
     if (!resume) return;
+    const from = route.value;
     busy.value = true;
     attempt(async () => {
       await start(controller ? [...resume.slice(0, -1), `${abb ? "--host" : "--rig"}=${where}`, ...resume.slice(-1)]
         : resume,
         password.value);
-      go(toJob(calibrationOf(one.file), "measure", one.file), { replace: true, sure: true });
+      goOn(from, toJob(calibrationOf(one.file), "measure", one.file), { replace: true, sure: true });
     }).finally(() => { busy.value = false; });
   };
   return html`

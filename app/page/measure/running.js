@@ -4,7 +4,7 @@ import { computed, signal } from "@preact/signals";
 import { get, getFile, Refused } from "../core/api.js";
 import { begin, follow, outOf, over } from "../core/jobs.js";
 import { calibrationOf, route } from "../core/route.js";
-import { failed, fault, refresh, say } from "../core/store.js";
+import { failed, fault, ofCalibration, refresh, say } from "../core/store.js";
 import { counted, duration } from "../core/words.js";
 import { begun, heard } from "./events.js";
 
@@ -21,8 +21,8 @@ export const stopping = signal("");
 /** That the run file was read once more after its end: what it keeps is certain. */
 export const settled = signal(false);
 export const unfinished = signal(/** @type {Unfinished[]} */ ([]));
-/** Something under way that the page does not follow yet: at its begin. */
-export const missing = signal("");
+/** That what was under way has ended with the server. */
+export const missing = ofCalibration("");
 
 export const state = computed(() => job.value?.state.value ?? null);
 export const underWay = computed(() => state.value !== null && !over(state.value));
@@ -72,8 +72,9 @@ async function ended(followed, last) {
   painting = 0;
   stopping.value = "";
   if (last.gone) {
+    const of = calibrationOf(followedFile.value);
     job.value = null;
-    missing.value = "The server was started anew, and what was under way has ended with it. Go on with the run below.";
+    missing.set("The server was started anew, and what was under way has ended with it. Go on with the run below.", of);
   } else {
     // What a run that was broken off keeps is what its file has: of the last measurement no event may have come.
     const file = outOf(last.command); // as the app's folder has it: the run itself says its last part
@@ -89,7 +90,7 @@ async function ended(followed, last) {
     if (job.value === followed) {
       run.value = newest;
       settled.value = true;
-      say(now(last, newest, true));
+      say(here.value ? now(last, newest, true) : `The run ${followedFile.value} has ended.`);
     }
   }
   await Promise.all([listUnfinished(), refresh()]).catch(failed);

@@ -3,7 +3,7 @@ import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { counted } from "../core/counting.js";
 import { arm, conflict, file, keepMine, plan, save, takeTheirs, unsaved } from "../core/editing.js";
-import { go, route, toJob } from "../core/route.js";
+import { goOn, route, toJob } from "../core/route.js";
 import { freeName } from "../core/store.js";
 import { Dialog } from "./Dialog.js";
 import { DownloadDraft } from "./DownloadDraft.js";
@@ -53,7 +53,8 @@ export function Conflict() {
     async () => { busy.value = true; await work(); busy.value = false; };
   const copy = freeName(file.value.replace(/(\.ya?ml)?$/, "-mine.yaml"));
   const saveCopy = async () => {
-    if (await save(copy)) go(toJob(route.value.name, route.value.step, copy), { replace: true, sure: true });
+    const from = route.value;
+    if (await save(copy)) goOn(from, toJob(route.value.name, route.value.step, copy), { replace: true, sure: true });
   };
   return html`
     <${Dialog} title=${theirs === "gone" ? "The plan's file is gone" : "The plan's file was changed meanwhile"}

@@ -32,10 +32,9 @@ export function Exporting() {
   const proposed = chosen.name === "pdf" ? freeName(file.value.replace(/\.ya?ml$/, ".pdf"))
     : freeName(file.value.slice(0, file.value.lastIndexOf("/") + 1) + chosen.files[0], "");
   const write = async () => {
+    const to = out.value.trim() || proposed, words = wordsOf(chosen.fields, typed.value), name = file.value;
     if (unsaved.value && !(await save())) return;
-    const to = out.value.trim() || proposed;
-    await carryOut([...chosen.command, file.value, `--out=${to}`, ...wordsOf(chosen.fields, typed.value)],
-      filesOf(chosen.files, to));
+    await carryOut([...chosen.command, name, `--out=${to}`, ...words], filesOf(chosen.files, to));
   };
   return html`
     <${Form} onSubmit=${write}>

@@ -1,10 +1,10 @@
 // The step Plan: the postures of a plan, and what they will determine as they change.
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
-import { signal, useSignal } from "@preact/signals";
+import { signal } from "@preact/signals";
 import { beyond, counted, remarks } from "../core/counting.js";
-import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, lostDraftsOf, open, pending, plan, redo,
-  restored, save, undo, unsaved, wrong } from "../core/editing.js";
+import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, lostDraftsOf, open, opening, pending,
+  plan, redo, restored, save, undo, unsaved, wrong } from "../core/editing.js";
 import { mountedIn } from "../core/mounting.js";
 import { calibrationOf, go, route, toJob } from "../core/route.js";
 import { addressed, attempt, calibration, versionOf } from "../core/store.js";
@@ -19,7 +19,7 @@ import { Beside } from "./Beside.js";
 import { Determined } from "./Determined.js";
 import { Exporting } from "./Exporting.js";
 import { Making } from "./Making.js";
-import { motion } from "./motion.js";
+import { motion, stopMotion } from "./motion.js";
 import { aside, held, meshNotes, moveBox, moveFlange, moveTarget, picture, postureName, setJoint,
   turnJoint } from "./picture.js";
 import { Postures } from "./Postures.js";
@@ -31,20 +31,16 @@ const tools = signal({ target: true, flange: false, joints: true, boxes: true })
 export function useAddressedPlan() {
   const { name, step } = route.value, newest = calibration.value?.files.plan[0] ?? lostDraftsOf(name)[0]?.plan ?? "";
   const wanted = addressed.value || newest, back = plan.value === null ? versionOf(wanted) : null;
-  const opening = useSignal(false);
   useEffect(() => {
     if (!wanted || calibrationOf(file.value) !== name) {
       close();
     } // what is left of another calibration is never shown in this one
     if (!wanted) return;
-    if (wanted !== file.value) {
-      opening.value = true;
-      attempt(() => open(wanted)).finally(() => { opening.value = false; });
-    }
+    attempt(() => open(wanted));
     if (!addressed.value) go(toJob(name, step, wanted), { replace: true });
   }, [wanted, back]); // a file that is there again, or another one, is opened after all
   const here = plan.value !== null && calibrationOf(file.value) === name;
-  return here ? "open" : wanted ? (opening.value ? "opening" : "failed") : "none";
+  return here ? "open" : wanted ? (opening.value === wanted ? "opening" : "failed") : "none";
 }
 
 /** Where the file is gone, nothing is left to show. */
@@ -108,7 +104,7 @@ export function PlanScene({ caption = "Postures as the servo will leave them, ro
   const still = motion.value !== null;
   return html`
     <${Scene} scene=${scene} chosen=${chosen.value} motion=${motion.value} tools=${still ? {} : tools.value}
-      onChoose=${(/** @type {number} */ i) => { chosen.value = i; motion.value = null; }} onTarget=${moveTarget}
+      onChoose=${(/** @type {number} */ i) => { chosen.value = i; stopMotion(); }} onTarget=${moveTarget}
         onFlange=${moveFlange} onJoint=${turnJoint} onBox=${moveBox}
       caption=${still ? "The arm moves along the null-space direction, with the target: the measurements hardly change."
         : [aside.value || caption, held.value].filter(Boolean).join(" ")} />`;
@@ -135,10 +131,7 @@ export function Plan() {
       <h2>Joints of ${postureName(i)}</h2>
       ${remarks(arm.value).map((one) => html`<p class="muted">${one}</p>`)}
       <${Joints} arm=${arm.value} values=${counted(arm.value, values)} beyond=${beyond(arm.value, values)}
-        onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => {
-          motion.value = null;
-          setJoint(joint, value);
-        }} />`}
+        onJoint=${setJoint} />`}
     <div class="bar" role="group" aria-label="What can be moved in the picture">
       ${/** @type {const} */ (["target", "flange", "joints", "boxes"]).map((tool) => html`
         <label class="check" key=${tool}>

@@ -16,7 +16,7 @@ const REST_MS = 300; // without an edit
 /** @typedef {import("answers").WithoutPosture} Rest */
 /** What the plan is without each of its postures, by its number. */
 const without = signal(/** @type {Map<number, import("answers").WithoutPosture | null>} */ (new Map()));
-const ask = latest(async () => {
+const ask = latest(() => plan.value, async () => {
   const content = plan.value;
   if (content === null || answer.value === null || pending.value) return null;
   const count = content.postures_deg.length, rows = [];

@@ -1,5 +1,5 @@
 // The arm moves along a null-space direction: how it can be off without any measurement showing it.
-import { signal } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import { post } from "../core/api.js";
 import { answer, chosen, file, plan, robotFrom } from "../core/editing.js";
 import { attempt } from "../core/store.js";
@@ -8,8 +8,10 @@ const STEPS = 6; // poses to each side
 
 /** @typedef {[number, number, number]} Vec */
 /** @typedef {import("../scene/view.js").Motion & {direction: number}} Moving */
-/** Which direction is shown, and its frames. */
-export const motion = signal(/** @type {Moving | null} */ (null));
+const played = signal(/** @type {{of: unknown, motion: Moving | null}} */ ({ of: null, motion: null }));
+/** Which direction is shown, and its frames: of the plan as it is, not as it was before an edit. */
+export const motion = computed(() => (played.value.of === plan.value ? played.value.motion : null));
+export const stopMotion = () => { played.value = { of: null, motion: null }; };
 
 const minus = (/** @type {number[]} */ a, /** @type {number[]} */ b) => a.map((v, i) => v - b[i]);
 const dot = (/** @type {number[]} */ a, /** @type {number[]} */ b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -26,7 +28,7 @@ function turned(quaternion, v, back = false) {
 
 /** Shows a direction until it is asked for again. @param {number} direction */
 export const play = (direction) => attempt(async () => {
-  if (motion.value?.direction === direction) { motion.value = null; return; }
+  if (motion.value?.direction === direction) { stopMotion(); return; }
   const content = plan.value, place = answer.value?.scene[chosen.value], along = answer.value?.null_motion[direction];
   if (content === null || !place || !along) return;
   const shares = Array.from({ length: 2 * STEPS + 1 }, (_, i) => (i - STEPS) / STEPS);
@@ -45,7 +47,8 @@ export const play = (direction) => attempt(async () => {
     return { skeleton: arm.skeleton, axes: arm.axes, links: arm.links, tool: from,
       beam: [from, from.map((v, k) => v + length * ray[k])] };
   });
-  motion.value = /** @type {Moving} */ (/** @type {unknown} */ ({ direction, frames, period_s: 2.4 }));
+  played.value = { of: content,
+    motion: /** @type {Moving} */ (/** @type {unknown} */ ({ direction, frames, period_s: 2.4 })) };
 });
 
 /** Whether a direction moves a joint. @param {number} direction */

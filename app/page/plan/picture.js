@@ -2,7 +2,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { counted, withCounted } from "../core/counting.js";
 import { latest, post, Refused } from "../core/api.js";
-import { answer, arm, change, chosen, file, jointsOf, plan, robotFrom } from "../core/editing.js";
+import { answer, arm, change, chosen, file, jointsOf, ofPlan, plan, robotFrom } from "../core/editing.js";
 import { failed } from "../core/store.js";
 import { fixed } from "../core/words.js";
 
@@ -30,7 +30,7 @@ effect(() => {
     meshNotes.value = found.notes;
   }, (error) => {
     if (!(error instanceof Refused)) throw error;
-    meshNotes.value = [error.text];
+    if (meshesOf === key) meshNotes.value = [error.text];
   });
 });
 
@@ -112,8 +112,9 @@ export const moveBox = (i, box) => change(`boxes/${i}`, (content) => {
 /** The pose that the flange is dragged to: the newest is asked for. @type {Partial<FlangePose> | null} */
 let wanted = null;
 /** What keeps the flange from where it is dragged. */
-export const held = signal("");
+export const held = ofPlan("");
 const askInverse = latest(
+  () => `${chosen.value} of ${file.value}`,
   () => {
     const content = plan.value;
     if (wanted === null || content === null) return Promise.resolve(null);

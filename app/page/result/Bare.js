@@ -38,7 +38,7 @@ export function Bare({ run, analysed }) {
   });
   const analyse = () => attempt(async () => {
     const ended = await carryOut(["analyse", run], `Analysis of ${run}`);
-    if (ended.state === "done" && ended.answer) showAnalysis(ended);
+    if (ended.state === "done" && ended.answer) showAnalysis(ended, run);
   });
   return html`
     <section class="bare" aria-label="A run without a report">

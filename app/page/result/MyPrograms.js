@@ -40,7 +40,8 @@ export function MyPrograms({ run }) {
   const isRead = (/** @type {string} */ name) => read.some((ending) => name.toLowerCase().endsWith(ending));
   const proposed = program.value && freeName(program.value.replace(/\.\w+$/, "-converted"));
   const send = (/** @type {File[]} */ sent) => attempt(async () => {
-    const folder = sent.some((file) => file.webkitRelativePath), programs = sent.filter((file) => isRead(file.name));
+    const of = route.value.name, folder = sent.some((file) => file.webkitRelativePath);
+    const programs = sent.filter((file) => isRead(file.name));
     if (!programs.length) return;
     /** @type {{name: string, content: Blob}} */
     let one = { name: programs[0].name, content: programs[0] };
@@ -50,7 +51,7 @@ export function MyPrograms({ run }) {
         ({ name: name(file), content: new Uint8Array(await file.arrayBuffer()) })));
       one = { name: `${folder ? programs[0].webkitRelativePath.split("/")[0] : "programs"}.zip`, content: zip(all) };
     }
-    program.value = (await upload(freeName(`${inside(route.value.name)}${one.name}`), one.content)).file;
+    program.value = (await upload(freeName(`${inside(of)}${one.name}`), one.content)).file;
     made.value = null;
     await refresh();
   });

@@ -68,19 +68,20 @@ export async function show(file, isRun) {
       return;
     }
     const found = /** @type {Found} */ (await getFile("result", file));
+    if (shown.value !== file) return; // another is looked at by now
     open.value = found;
     warm(found);
     await draws(found);
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    failure.value = error.text;
+    if (shown.value === file) failure.value = error.text;
   }
 }
 
-/** @param {Analysis} job */
-export function showAnalysis(job) {
-  const run = bareRun.value;
+/** @param {Analysis} job @param {string} run */
+export function showAnalysis(job, run) {
   keepAnalysis(job, run);
+  if (bareRun.value !== run) return;
   open.value = analyses.get(run) ?? null;
   if (open.value) warm(open.value);
 }
@@ -119,13 +120,13 @@ async function draws(found) {
 }
 
 const refit = latest(
+  () => open.value,
   async () => {
     const found = open.value, without = out.value, alone = single.value;
     if (found?.run == null || (!without.length && alone === null)) return null;
     const of = { run: found.run };
-    const answers = { alone: alone === null ? null : await post("/api/refit", { ...of, without: [alone] }),
+    return { alone: alone === null ? null : await post("/api/refit", { ...of, without: [alone] }),
       whole: without.length ? await post("/api/refit", { ...of, without }) : null };
-    return open.value === found ? answers : null;
   },
   ({ whole, alone }) => batch(() => {
     if (!out.value.length && single.value === null) return;
@@ -177,6 +178,7 @@ export function showShift(shot) {
 }
 
 const brush = latest(
+  () => open.value,
   async () => {
     const found = open.value;
     return found?.run && found.posterior_file && Object.keys(ranges.value).length
