@@ -14,7 +14,7 @@ null (or as nearly null) too, with all other parameters known."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -224,13 +224,15 @@ class Identifiability:
 @dataclass(frozen=True, eq=False)
 class Identified:
     """Per parameter (p,): `status`, and `data_std` in internal units (inf for a gauge, nan if held);
-    `rests_on` what an offset, by its name, is known by besides the measurements; `still_weak` are those that
-    would be weak were what is assumed of tool and frames known exactly."""
+    `rests_on` what an offset, by its name, is known by besides the measurements; `weak_on` what is assumed by
+    which alone an offset is no worse than weak; `still_weak` are those that would be weak were what is
+    assumed of tool and frames known exactly."""
 
     status: tuple[Status, ...]
     data_std: Matrix
     facts: Identifiability
     rests_on: Mapping[str, tuple[Assumption, ...]] = field(default_factory=dict)
+    weak_on: Mapping[str, tuple[Assumption, ...]] = field(default_factory=dict)
     still_weak: frozenset[str] = frozenset()
 
     def __repr__(self) -> str:
@@ -261,12 +263,12 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         observability=observability(singular, problem.shots),
         null_space=(*_exact_directions(judged), *_noise_directions(judged)),
     )
-    rests_on = _taken_as_known(problem, x, weight, judged.status, data_std)
+    rests_on, weak_on = _taken_as_known(problem, x, weight, judged.status, data_std)
     status = tuple(
         "assumed" if any(not one.stated for one in rests_on.get(item.name, ())) else each
         for item, each in zip(parameters.items, judged.status, strict=True)
     )
-    return Identified(status, data_std, facts, rests_on, _still_weak(judged, status))
+    return Identified(status, data_std, facts, rests_on, weak_on, _still_weak(judged, status))
 
 
 def _still_weak(judged: _Judged, status: Sequence[Status]) -> frozenset[str]:
@@ -303,53 +305,50 @@ def _judged(problem: Problem, x: Matrix, weight: float) -> tuple[_Judged, Matrix
 
 def _taken_as_known(
     problem: Problem, x: Matrix, weight: float, status: Sequence[Status], data_std: Matrix
-) -> dict[str, tuple[Assumption, ...]]:
+) -> tuple[dict[str, tuple[Assumption, ...]], dict[str, tuple[Assumption, ...]]]:
     """By the name of each offset that would be unidentifiable were nothing known of tool and frames: what it
     rests on. What is assumed, where that alone makes it identifiable; else what the header states. `data_std`
     (p,) is with all that is known.
 
     A weak one rests on it only where no number of measurements would do without: else it is weak by the plan,
-    and stays weak.
+    and stays weak. Those are the second ones, with what is assumed.
     """
     items = problem.parameters.items
     offsets = [i for i, item in enumerate(items) if item.group == "offset" and known(status[i])]
     every = problem.tool.taken_as_known
     if not offsets or not every:
-        return {}
+        return {}, {}
     by_header, assumed = ([one for one in every if one.stated == is_stated] for is_stated in (True, False))
-    weak = {i for i in offsets if status[i] == "weak"}
-    resting = _lost(problem, x, weight, offsets, data_std, weak, keep_stated=False)
-    without = resting if not by_header else []
+    resting = _lost(problem, x, weight, offsets, data_std, keep_stated=False)
+    without = resting if not by_header else {}
     if resting and by_header and assumed:
-        without = _lost(problem, x, weight, resting, data_std, weak, keep_stated=True)
-    return {items[i].name: _of_unit(problem, assumed if i in without else by_header) for i in resting}
+        without = _lost(problem, x, weight, list(resting), data_std, keep_stated=True)
+    by_plan, weak_on = (
+        {i for i, std in lost.items() if status[i] == "weak" and np.isfinite(std)}
+        for lost in (resting, without)
+    )
+    rests_on = {
+        items[i].name: _of_unit(problem, assumed if i in without and i not in weak_on else by_header)
+        for i in resting
+        if i not in by_plan
+    }
+    return rests_on, {items[i].name: _of_unit(problem, assumed) for i in weak_on}
 
 
 def _lost(
-    problem: Problem,
-    x: Matrix,
-    weight: float,
-    offsets: Sequence[int],
-    data_std: Matrix,
-    weak: Container[int],
-    *,
-    keep_stated: bool,
-) -> list[int]:
+    problem: Problem, x: Matrix, weight: float, offsets: Sequence[int], data_std: Matrix, *, keep_stated: bool
+) -> dict[int, float]:
     """The places among `offsets` of those that are unidentifiable at x where tool and frames may be anything,
-    but for what the header states if that is kept, and that this is the reason of; of the `weak` ones those
-    of an exact gauge."""
+    but for what the header states if that is kept, and that this is the reason of; with their std then."""
     freed, there = problem.freed(x, keep_stated=keep_stated)
     tolerated = freed.parameters.tolerated[freed.parameters.free]
     gauge = gauge_at(freed, there, weight)
     _, spectrum, scaled_std = _determined(gauge.jacobian, gauge.basis, tolerated)
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
     status, std = _statuses(freed.parameters, scaled_std)
-    return [
-        i
-        for i in offsets
-        if status[i] == "unidentifiable"
-        and std[i] > (np.finfo(float).max if i in weak else _RESTS * data_std[i])
-    ]
+    return {
+        i: float(std[i]) for i in offsets if status[i] == "unidentifiable" and std[i] > _RESTS * data_std[i]
+    }
 
 
 def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, ...]:

@@ -9,7 +9,7 @@ what that leaves of the run's residuals.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import partial
 from pathlib import Path
@@ -33,6 +33,7 @@ from ...model.errors import BadInput, FitFailed, located
 from ...model.files.header import UrdfRef
 from ...model.files.robot_file import robot_path
 from ...model.files.run import Run
+from ...model.instruments.kind import Assumption
 from ...model.kernel import one_blas_thread
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
@@ -42,7 +43,7 @@ from ...words.case import RunCase
 from ...words.catalogue import against
 from ...words.message import message_so_far
 from ...words.misfit_words import criterion_sentence, misfit_headline
-from ...words.observability import reason_of
+from ...words.observability import part_of, reason_of, size_of, stating
 from ...words.provenance import is_simulated
 from ...words.wording import listed
 from .maker import Holds, one_line
@@ -403,9 +404,10 @@ def calibration(
     leave out, `held_out` is a run that they must predict, `holds` says what the kind of file has room for,
     but for the parameters `no_place`, by name.
 
-    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where the
-    message of the run would say to enter nothing; where nothing is left to apply. An offset that is as good
-    as what is assumed is left out, unless that is allowed. That a target seems to have moved may be allowed:
+    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where a weak
+    one would be unidentifiable but for what is assumed, unless that is allowed; where the message of the run
+    would say to enter nothing; where nothing is left to apply. An offset that is as good as what is assumed
+    is left out, unless that is allowed. That a target seems to have moved may be allowed:
     then the warnings say so. NotValidated where the model does not describe the run, unless that is asked for
     (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied. FitFailed
     where the fit did not converge.
@@ -439,6 +441,8 @@ def calibration(
             for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
         ]
         _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
+        if not allow_assumed:
+            _require_weak_by_plan(offsets, solution.identified.weak_on)
         geometry = tuple(
             GeometryValue(
                 row=row,
@@ -639,6 +643,22 @@ def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_app
             remedy="state how well tool and instruments are known; or --allow-assumed"
             if named("assumed")
             else None,
+        )
+
+
+def _require_weak_by_plan(
+    offsets: Sequence[JointOffset], weak_on: Mapping[str, tuple[Assumption, ...]]
+) -> None:
+    """BadInput where a weak offset is to be exported that would be unidentifiable but for what is assumed."""
+    resting = [offset for offset in offsets if offset.exported and offset.name in weak_on]
+    if resting:
+        on = list(dict.fromkeys(one for offset in resting for one in weak_on[offset.name]))
+        raise BadInput(
+            f"{listed([offset.name for offset in resting])} cannot be exported as weak: without what is"
+            " assumed the data do not determine it",
+            found=f"assumed: {listed(list(dict.fromkeys(f'{part_of(one)}, {size_of(one)}' for one in on)))}",
+            allowed="weak offsets that the measurements know by themselves; others with --allow-assumed too",
+            remedy=f"{stating(on)}; or --allow-assumed; or exclude by name: {_leaving_out(resting)}",
         )
 
 

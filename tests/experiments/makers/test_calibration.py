@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import (
+    LASER,
     OPEN_LASER,
     OPEN_PROBE,
     good_plan,
@@ -23,11 +24,13 @@ from export_runs import STATED, TRUTH, arm_run, hostile
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
 from zerobeam.analysis.posterior.posterior import PosteriorSummary
+from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.calibration import NO_ROBOT, calibration
 from zerobeam.experiments.makers.maker import one_line
 from zerobeam.model.errors import BadInput, FitFailed
+from zerobeam.model.files.header import Header, header_content
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.files.run import Run
+from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.files.shot import Shot
 from zerobeam.words.message import message
 
@@ -101,6 +104,26 @@ def test_a_weak_one_asks_to_be_allowed_and_is_marked(refused: Refused) -> None:
     not_known = {"delta1", "delta2", *weak, *assumed}
     assert {o.name for o in others.offsets if o.exported} == set(allowed) - not_known
     assert all(o.applied == 0 for o in others.offsets if o.name in weak)
+
+
+def test_a_weak_one_that_only_an_assumption_determines_asks_for_both(refused: Refused) -> None:
+    """Where the laser may be mounted anyhow, the X-Pattern says next to nothing of joints 3 and 5."""
+    run = read_run(next(run.path for run in demo_runs() if run.name == "x-pattern"))
+    error = refused(calibration, run, allow_weak=True, without=["delta2"])
+    assert error.what.startswith("delta3 and delta5 cannot be exported as weak")
+    assert error.found == "assumed: the laser's mounting, 0.05°"
+    assert error.remedy is not None
+    assert error.remedy.endswith("or --allow-assumed; or exclude by name: --without delta3 --without delta5")
+    assert refused(calibration, run, allow_assumed=True, without=["delta2"]).what.endswith(
+        "weakly observable"
+    )
+    both = calibration(run, allow_weak=True, allow_assumed=True, without=["delta2"]).offsets
+    assert [offset.exported for offset in both] == [False, False, True, True, True, True]
+    # Negative control: what the header states of the mounting is no assumption.
+    content = header_content(run.header, "zerobeam/run/1")
+    tool = {**LASER, "sigma": {"tilt_deg": 0.05, "shift_mm": 0.1}}
+    stated = replace(run, header=Header.model_validate({**content, "tool": tool}))
+    assert calibration(stated, allow_weak=True, without=["delta2"]).offsets[2].exported
 
 
 def test_the_last_joint_of_a_probe_with_a_free_tip(refused: Refused) -> None:
