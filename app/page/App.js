@@ -9,8 +9,7 @@ import { capital } from "./core/words.js";
 import { Drafts } from "./home/Drafts.js";
 import { Home } from "./home/Home.js";
 import { StopBar } from "./measure/StopBar.js";
-import { Conflict } from "./parts/Conflict.js";
-import { Leaving } from "./parts/Leaving.js";
+import { Conflict, Leaving } from "./parts/Unsaved.js";
 
 /**
  * What a step needs is fetched when it is opened.

@@ -5,7 +5,7 @@ import { App } from "./App.js";
 import { unsaved } from "./core/editing.js";
 import { follow, guardLeaving } from "./core/route.js";
 import { begin } from "./core/store.js";
-import { leaving } from "./parts/Leaving.js";
+import { leaving } from "./parts/Unsaved.js";
 
 guardLeaving((to) => {
   if (unsaved.peek()) leaving.value = to;

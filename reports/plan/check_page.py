@@ -45,19 +45,28 @@ NOT_DETERMINED = "unidentifiable from these measurements"
 def check_page(check: Check, *, full: bool = False) -> Page:
     """The answer of `check`: what is read first; if `full` also notes, predicted uncertainties, directions
     and what would help."""
+    return _page(check, *predicted_blocks(check), full=True) if full else _page(check)
+
+
+def predicted_blocks(check: Check, *, alone: bool = False) -> list[Block]:
+    """Predicted uncertainties, what would make the plan better, what a run of it detects; unless `alone` also
+    the commands that make it better, and the directions that it leaves open."""
     off = max(posture.off_mm for posture in check.postures)
     aimed = (
         f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target; the plan is"
         " judged with the wrist rotated onto it."
     )
-    blocks = [
+    return [
         predicted_table(check, (row for row in check.parameters if not row.tolerated)),
-        *outlook_blocks(check.outlook, check.parameters, planned_anew(check), brief=False),
+        *outlook_blocks(check.outlook, check.parameters, None if alone else planned_anew(check), brief=False),
         *map(Paragraph, check_lines(check)),
-        Directions([direction_words(each) for each in check.identifiability.null_space]),
+        *(
+            []
+            if alone
+            else [Directions([direction_words(each) for each in check.identifiability.null_space])]
+        ),
         *map(Paragraph, [*outlook_lines(check), *([aimed] if off > 0.05 else [])]),
     ]
-    return _page(check, *blocks, full=True) if full else _page(check)
 
 
 def proposal_page(made: MadePlan, *, full: bool = False) -> Page:

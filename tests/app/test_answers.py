@@ -1,5 +1,7 @@
 """What the page is told is what the commands print."""
 
+import html
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -261,9 +263,12 @@ def test_what_the_command_says_besides_is_said_to_the_page(
     assert client.put("/api/plan", json={"file": "noisy.yaml", "plan": content}).status_code == 200
     said = client.post("/api/check", json={"plan": content, "scene": True}).json()["said"]
     printed = " ".join(zerobeam("check", root / "noisy.yaml", "--full").out.split())
-    worth = [text for text in said["worth"]["of"].values() if text != "—"]  # of one that is estimated
-    for text in (*said["lines"], *worth):
+    shown = " ".join(html.unescape(re.sub("<[^>]*>", " ", said["predicted"])).split())
+    open_ones = list(filter(None, said["directions"]))
+    assert open_ones
+    for text in (one[key] for one in open_ones for key in ("combination", "reason", "remedy")):
         assert " ".join(text.split()) in printed
+    assert "unidentifiable from these measurements" in shown
 
 
 def test_obstacles_are_written_read_and_what_touches_them_is_said(

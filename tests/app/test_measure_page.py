@@ -84,7 +84,7 @@ def saved_before_it_is_measured_or_measured_as_it_was(tab: Tab, folder: Path) ->
     path = folder / "cell" / "two.yaml"
     before = path.read_bytes()
     tab.value("location.hash = '#/job/cell/plan/cell/two.yaml'")
-    wait(tab, "document.querySelector('tr[data-of=delta2]')")
+    wait(tab, "document.querySelector('.determined table')")
     fill(tab, "J1, °", "10")
     wait(tab, "document.querySelector('.plan-bar output').textContent !== 'Saved.'")
     tab.value("location.hash = '#/job/cell/measure/cell/two.yaml'")
@@ -132,8 +132,10 @@ def test_a_run_is_watched_to_its_end(server: App, folder: Path) -> None:
         wait(tab, f"{NOW}.startsWith('2 measurements are kept in')")
         assert tab.value("location.hash") == "#/job/cell/measure/cell/two-run.jsonl"
         assert tab.value("document.querySelector('[data-of=delta2] .u').textContent") == "not determined yet"
-        assert tab.value("document.querySelectorAll('.watch circle').length") > 1
-        shown = tab.value("document.querySelector('.residuals svg').getAttribute('aria-label')")
+        assert tab.value("document.querySelectorAll('.watch circle').length") > 0
+        steps = tab.value("document.querySelector('.watch .plotted').getAttribute('aria-label')")
+        assert re.fullmatch(r"Distance of the spot from the centre by step: (\d\.\d{4}(, | mm\.$))+", steps)
+        shown = tab.value("document.querySelector('.residuals .plotted').getAttribute('aria-label')")
         assert re.fullmatch(r"Normalised residuals: (measurement [01]: \d\.\d\d(, |\.$)){2}", shown)
         wait(tab, "document.querySelector('.u-legend')?.textContent.includes('tolerance0.1°')")
         assert "J2 (δ2)not determined" in tab.value("document.querySelector('.u-legend').textContent")

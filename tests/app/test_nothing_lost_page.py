@@ -23,7 +23,7 @@ from zerobeam.words.sentences import to_json
 
 pytestmark = pytest.mark.browser
 
-CHECKED = "document.querySelector('tr[data-of=delta2]') && !document.querySelector('.pending')"
+CHECKED = "document.querySelector('.determined table') && !document.querySelector('.pending')"
 SAVED = "document.querySelector('.plan-bar output').textContent === 'Saved.'"
 MANY = 100
 

@@ -15,7 +15,7 @@ from command_line import plan_file, zerobeam
 
 pytestmark = pytest.mark.browser
 
-CHECKED = "document.querySelector('tr[data-of=delta2]') && !document.querySelector('.pending')"
+CHECKED = "document.querySelector('.determined table') && !document.querySelector('.pending')"
 CONTENT = "import('/page/core/editing.js').then((m) => m.plan.value)"
 UNSAVED = "document.querySelector('.plan-bar output').textContent !== 'Saved.'"
 PICTURE = "document.querySelector('canvas.scene-picture')"

@@ -33,7 +33,7 @@ def to_the_result(tab: Tab, walker: Walker) -> None:
     # What is assumed of the arm comes from the server, and moves what is below it.
     wait(tab, "document.querySelector('.new').textContent.includes('Assumed on the flange')")
     walker.press("button", "Make the plan")
-    wait(tab, "document.querySelector('tr[data-of=delta2]')", _MINUTES)
+    wait(tab, "document.querySelector('.determined table')", _MINUTES)
     walker.press("button", "Measure")
     wait(tab, "document.querySelector('form.start button.main:not(:disabled)')")
     walker.press("button", "Start the simulation")

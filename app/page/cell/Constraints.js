@@ -1,7 +1,7 @@
 // What every measurement must keep: part of the plan, judged as it changes. An empty field is not judged.
 import { html } from "htm/preact";
 import { change } from "../core/editing.js";
-import { NumberField } from "../parts/NumberField.js";
+import { NumberField } from "../parts/Controls.js";
 import { problemAt, state, stated } from "./keys.js";
 
 /**

@@ -1,9 +1,8 @@
 // Instrument, noise and geometry of a plan, as fields: what is stated for each joint or link alone is left to the file.
 import { html } from "htm/preact";
 import { fixed, unitSign } from "../core/words.js";
-import { Check } from "../parts/Check.js";
-import { value as heard } from "../parts/heard.js";
-import { NumberField } from "../parts/NumberField.js";
+import { title, unitOf } from "../import/schema.js";
+import { Check, NumberField, heard } from "../parts/Controls.js";
 import { problemAt, state, stated } from "./keys.js";
 
 /** @typedef {import("./keys.js").Key} Key */
@@ -22,11 +21,6 @@ function Value({ label, at, unit }) {
     <${NumberField} key=${axis} label=${`${label} ${axis}`} unit=${unit} value=${value[i]}
       error=${i === 0 ? problemAt(at) : ""} onValue=${(/** @type {number} */ given) => state([...at, i], given)} />`);
 }
-
-const UNITS = { mm: "mm", deg: "°", kg: "kg" };
-const unitOf = (/** @type {string} */ key) => UNITS[/** @type {keyof typeof UNITS} */ (key.split("_").at(-1))] ?? "";
-const title = (/** @type {string} */ key) =>
-  key.replace(/_(mm|deg|kg)$/, "").replaceAll("_", " ").replace(/^./, (c) => c.toUpperCase());
 
 /** What carries out the measurements: every part of it that is stated as a number, a vector or yes and no. */
 export function Instrument() {

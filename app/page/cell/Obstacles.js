@@ -5,11 +5,8 @@ import { getFile, put } from "../core/api.js";
 import { answer, change, chosen, file as opened, plan } from "../core/editing.js";
 import { attempt, freeName, inside, ofCalibration, ofKind, refresh, say, versionOf } from "../core/store.js";
 import { route } from "../core/route.js";
-import { Choice } from "../parts/Choice.js";
-import { NumberField } from "../parts/NumberField.js";
-import { TextField } from "../parts/TextField.js";
+import { Choice, into, NumberField, TextField } from "../parts/Controls.js";
 import { problemAt, state, stated } from "./keys.js";
-import { into } from "../parts/heard.js";
 
 const SIZE = 200; // mm, of a new box
 /** @type {Record<string, "mounting" | null | number>} */

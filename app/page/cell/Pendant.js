@@ -6,7 +6,7 @@ import { latest, post } from "../core/api.js";
 import { chosen, file, jointsOf, plan, robotFrom } from "../core/editing.js";
 import { failed } from "../core/store.js";
 import { fixed, withUnit } from "../core/words.js";
-import { Joint3 } from "../parts/Joint3.js";
+import { Joint3 } from "../parts/Controls.js";
 import { Joints } from "../parts/Joints.js";
 import { Table } from "../parts/Table.js";
 

@@ -2,7 +2,7 @@
 import { html } from "htm/preact";
 import { answer, plan } from "../core/editing.js";
 import { moveTarget } from "../plan/picture.js";
-import { NumberField } from "../parts/NumberField.js";
+import { NumberField } from "../parts/Controls.js";
 import { problemAt } from "./keys.js";
 
 export function Targets() {

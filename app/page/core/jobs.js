@@ -5,12 +5,26 @@ import { get, post, Refused, remove } from "./api.js";
 /**
  * @typedef {import("answers").JobWhole & {answer: Printed | null, lost: boolean, gone: boolean}} JobState
  *   `lost`: no connection; `gone`: the server does not know it any more
- * @typedef {import("./printed.js").Printed} Printed
  * @typedef {import("../measure/events.js").RunEvent} RunEvent
  * @typedef {(event: RunEvent) => void} Heard
  * @typedef {{progress: Partial<JobState>, log: string, run: RunEvent, end: JobState}} Events
  * @typedef {{id: string, state: import("@preact/signals").Signal<JobState>, ended: Promise<JobState>,
  *   cancel: () => Promise<void>, say: (text: string) => Promise<void>, close: () => void}} Followed
+ */
+
+/** @typedef {import("answers").ShownResult} Shown */
+/**
+ * Of `analyse` a result; of `plan` the file that was made and what was said of it; of `positions keep` what was
+ *   refused, is to be
+ * looked at or stated; of `export` its notes.
+ * @typedef {Omit<Shown, "inputs"> & {
+ *   inputs: NonNullable<Shown["inputs"]> & {header: {provenance?: Record<string, string>}},
+ *   plan: string | null, said: string[], removed: string | null, notes: string[],
+ *   converted: boolean, files: {file: string}[], refused: Line[], listed: Line[], to_state: string[]}} Printed
+ * @typedef {{name: string, offsets: import("answers").BriefOffset[]}} ComparedRun
+ * @typedef {{verdict: string, headline: string, notes: string[], runs: ComparedRun[],
+ *   offsets: {name: string, unit: string, ratio: number | null}[]}} Comparison of `compare`
+ * @typedef {{file: string, line: number, sentence: string, accepted?: boolean}} Line
  */
 
 const AGAIN_MS = 1500; // until a server that was ended is asked whether it is there again

@@ -57,11 +57,21 @@ export const bytes = (n) => (n < 1e3 ? `${n} bytes` : n < 1e6 ? `${fixed(n / 1e3
 /** @param {number} s */
 export const duration = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : `${Math.round(s / 60)} min`);
 
-/** An option of a command, as the label of a field. @param {string} flag */
-export const flagWords = (flag) => capital(flag.replace(/^--/, "").replaceAll("-", " "));
-
 /** Expanded uncertainties, of which factor. @param {number} k */
 export const expandedWord = (k) => `U (k = ${Number(k.toPrecision(3))})`;
 
 /** A joint's name beside a number. @param {string} unit */
 export const unitSign = (unit) => (unit === "deg" ? "°" : unit);
+
+/** @typedef {{estimate: number | null, std: number | null, unit: string, status: string, held?: boolean}} Estimated */
+
+/** To the second digit of its expanded uncertainty. @param {Estimated} row @param {number} k */
+export function estimateOf(row, k) {
+  if (row.estimate === null) return "not determined";
+  if (row.held) return `held at ${withUnit(String(row.estimate), row.unit)}`;
+  return row.std === null ? withUnit(String(row.estimate), row.unit) : rounded(row.estimate, k * row.std, row.unit);
+}
+
+/** @param {Estimated} row @param {number} k */
+export const expandedOf = (row, k) =>
+  (row.std === null || row.status === "unvalidated" ? "—" : spread(k * row.std, row.unit));

@@ -7,7 +7,7 @@ import { well } from "../core/jobs.js";
 import { goOn, route, toImport, toJob } from "../core/route.js";
 import { attempt, home } from "../core/store.js";
 import { counted } from "../core/words.js";
-import { into, value as heard } from "../parts/heard.js";
+import { into, heard } from "../parts/Controls.js";
 import { useCommand } from "../parts/JobProgress.js";
 import { Drafts } from "./Drafts.js";
 

@@ -9,13 +9,10 @@ import { goOn, route, toJob } from "../core/route.js";
 import { failed, home, ofKind, refresh, robots } from "../core/store.js";
 import { MOUNTED, mountedWords } from "../core/mounting.js";
 import { fixed, sentence } from "../core/words.js";
-import { Choice } from "../parts/Choice.js";
+import { Choice, into, NumberField, TextField } from "../parts/Controls.js";
 import { Fold } from "../parts/Fold.js";
 import { Form, Submit } from "../parts/Form.js";
 import { useCommand } from "../parts/JobProgress.js";
-import { NumberField } from "../parts/NumberField.js";
-import { TextField } from "../parts/TextField.js";
-import { into } from "../parts/heard.js";
 
 /** The built-in arms by maker, then robot files of the folder. @returns {[string, [string, string][]][]} */
 function robotGroups() {

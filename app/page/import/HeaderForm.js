@@ -4,7 +4,7 @@ import { useEffect, useMemo, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get, latest, post, put, Refused } from "../core/api.js";
 import { failed, freeName, inside, refresh, robots, say } from "../core/store.js";
-import { TextField } from "../parts/TextField.js";
+import { TextField } from "../parts/Controls.js";
 import { Group } from "./HeaderPart.js";
 import { beginning, pick } from "./header.js";
 import { ensureFolder, folder } from "./sources.js";

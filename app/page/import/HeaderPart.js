@@ -2,8 +2,7 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { ALLOWED, parsed } from "../core/decimal.js";
-import { Check } from "../parts/Check.js";
-import { value as heard } from "../parts/heard.js";
+import { Check, heard } from "../parts/Controls.js";
 import { alternativeOf, itemOf, keyOf, kindWords, LIST, numbersOf, partOf, resolved, shapeOf, title,
   unitOf } from "./schema.js";
 

@@ -2,23 +2,41 @@
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { route } from "../core/route.js";
-import { attempt } from "../core/store.js";
-import { Choice } from "../parts/Choice.js";
+import { attempt, ofKind } from "../core/store.js";
+import { Choice, into, TextField } from "../parts/Controls.js";
 import { useForms } from "../parts/Fields.js";
 import { Fold } from "../parts/Fold.js";
 import { JobProgress } from "../parts/JobProgress.js";
-import { TextField } from "../parts/TextField.js";
 import { carryOut, outcome, refusal, underWay, wordsOf } from "./carrying.js";
 import { command, noTargets, out, outTyped, sources, targetOf, targets } from "./command.js";
-import { chosen } from "./header.js";
-import { HeaderChoice } from "./HeaderChoice.js";
+import { about, chosen, editCopy, headerFault, headerFile, NEW, pick } from "./header.js";
 import { Mapper } from "./Mapper.js";
 import { Options } from "./Options.js";
 import { aboutOf, format, formatsOf, setFormat, values } from "./formats.js";
 import { Outcome } from "./Outcome.js";
 import { Recordings } from "./Recordings.js";
 import { choose, recordings } from "./sources.js";
-import { into } from "../parts/heard.js";
+import { HeaderForm } from "./HeaderForm.js";
+
+function HeaderChoice() {
+  const named = (/** @type {string} */ kind) =>
+    ofKind(kind).map((path) => /** @type {[string, string]} */ ([path, path]));
+  return html`
+    <section aria-labelledby="import-header">
+      <h2 id="import-header">2. Robot, tool and noise</h2>
+      <div class="fields">
+        <${Choice} label="Header or plan" value=${headerFile.value} none="choose"
+          groups=${[["new", [[NEW, "fill in a new header"]]], ["headers of the folder", named("header")],
+            ["measured plans of the folder", named("plan")]]}
+          onValue=${(/** @type {string} */ file) => pick(file, ofKind("plan").includes(file))} />
+      </div>
+      ${chosen.value && html`
+        <p class="chosen">${about(chosen.value)}</p>
+        <p><button type="button" onClick=${editCopy}>Make a new header from this one</button></p>`}
+      ${headerFault.value && html`<p class="error" role="alert">${headerFault.value}</p>`}
+      ${headerFile.value === NEW && html`<${HeaderForm} />`}
+    </section>`;
+}
 
 /** One target for each file; a plan says them itself, and a column or a marker may. */
 function Targets() {

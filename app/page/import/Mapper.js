@@ -1,11 +1,9 @@
 // The columns of a table as joints: layout, proposals, and per joint its column, sign and range against the limits.
 import { html } from "htm/preact";
 import { fixed, withUnit } from "../core/words.js";
-import { Choice } from "../parts/Choice.js";
-import { Joint3 } from "../parts/Joint3.js";
+import { checked, Choice, Joint3, heard } from "../parts/Controls.js";
 import { answer, layout, layOut, map, mapColumn, mapped, reverse, wrong } from "./mapping.js";
 import { recordings } from "./sources.js";
-import { checked, value as heard } from "../parts/heard.js";
 
 /** @typedef {import("answers").JointColumn} JointColumn */
 /** @typedef {import("answers").TableColumn} TableColumn */

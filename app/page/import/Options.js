@@ -5,7 +5,7 @@ import { sources } from "./command.js";
 import { fields, format, set, values } from "./formats.js";
 import { recordings } from "./sources.js";
 
-/** @typedef {import("./types.js").Found} Found */
+/** @typedef {import("./sources.js").Found} Found */
 /** @typedef {import("../parts/Fields.js").Item} Item */
 
 /** @param {Found} found @returns {Item[]} */

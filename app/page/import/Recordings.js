@@ -4,12 +4,10 @@ import { useSignal } from "@preact/signals";
 import { bytes } from "../core/words.js";
 import { calibrationOf, toJob } from "../core/route.js";
 import { files, home, attempt } from "../core/store.js";
-import { Choice } from "../parts/Choice.js";
-import { filesOf, into as setting } from "../parts/heard.js";
-import { TextField } from "../parts/TextField.js";
+import { Choice, filesOf, into as setting, TextField } from "../parts/Controls.js";
 import { choose, into, leaveOut, name, nameWrong, proposed, rows, send, take, useExisting } from "./sources.js";
 
-/** @typedef {import("./types.js").Row} Row */
+/** @typedef {import("./sources.js").Row} Row */
 
 const NEVER = /\.(html|pdf|svg|png|jpe?g|nc|db|sqlite3?|zip)$/i; // what no import reads
 const OURS = ["run", "plan", "result", "robot", "header", "cell", "sensors", "obstacles"];
@@ -34,7 +32,7 @@ function Another({ row, taken }) {
 function About({ row }) {
   if (row.busy) return html`<small>being read…</small>`;
   if (row.found === null) return null;
-  const cut = row.path.lastIndexOf("/"), folder = cut < 0 ? "." : row.path.slice(0, cut);
+  const folder = calibrationOf(row.path);
   const to = row.found.kind === "run" ? toJob(folder, "result", row.path)
     : row.found.kind === "plan" ? toJob(folder, "plan", row.path) : "";
   return html`

@@ -1,7 +1,7 @@
 // The import carried out: tried, written, tested by a fit, and then its result.
 import { signal } from "@preact/signals";
 import { begin, well } from "../core/jobs.js";
-import { goOn, route, toJob } from "../core/route.js";
+import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { Refused } from "../core/api.js";
 import { home, refresh, say } from "../core/store.js";
 import { keepAnalysis } from "../result/state.js";
@@ -15,7 +15,7 @@ import { ensureFolder, folder } from "./sources.js";
  *   run ("" of a trial), `folder` its calibration;
  * `fit` is the answer of the test by a fit.
  * @typedef {{words: string, understood: string[], written: string, folder: string,
- *   fit: import("../result/types.js").Found | null}} Outcome
+ *   fit: import("../result/state.js").Found | null}} Outcome
  */
 
 export const outcome = signal(/** @type {Outcome | null} */ (null));
@@ -85,8 +85,7 @@ async function test(from) {
 export function toResult(from = route.value) {
   const imported = outcome.value;
   if (imported === null) return;
-  const cut = imported.written.lastIndexOf("/"), name = cut < 0 ? "." : imported.written.slice(0, cut);
-  const { fit } = imported;
+  const { fit } = imported, name = calibrationOf(imported.written);
   const clear = "A fit contradicts neither unit nor signs nor order. "
     + "An error that changes no residual stays unseen, such as the sign of a joint that did not move.";
   const tested = fit?.verdict === "misfit" ? "None of the causes that were tried explains the misfit." : clear;

@@ -4,7 +4,7 @@ import { computed, signal } from "@preact/signals";
 import { formsOf, missingOf, wordsOf } from "../parts/Fields.js";
 import { recordings } from "./sources.js";
 
-/** @typedef {import("./types.js").Found} Found */
+/** @typedef {import("./sources.js").Found} Found */
 
 export const format = signal("");
 export const values = signal(/** @type {import("../parts/Fields.js").Values} */ ({}));

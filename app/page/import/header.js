@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { getFile, Refused } from "../core/api.js";
 
-/** @typedef {import("./types.js").ChosenHeader} ChosenHeader */
+/** @typedef {import("./sources.js").ChosenHeader} ChosenHeader */
 
 export const NEW = "\0new"; // no file can have this name
 
@@ -11,7 +11,7 @@ export const headerFile = signal("");
 export const chosen = signal(/** @type {ChosenHeader | null} */ (null));
 export const headerFault = signal("");
 /** What the form of a new header begins with. */
-export const beginning = signal(/** @type {Partial<import("./types.js").HeaderContent>} */ ({}));
+export const beginning = signal(/** @type {Partial<import("./sources.js").HeaderContent>} */ ({}));
 
 /** @param {string} name @param {boolean} plan */
 export async function pick(name, plan) {

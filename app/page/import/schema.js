@@ -1,5 +1,6 @@
 // A JSON Schema as a form reads it: what a key is, what is missing, and where an error belongs.
 import { parsed } from "../core/decimal.js";
+import { capital } from "../core/words.js";
 
 /**
  * @typedef {{$ref?: string, $defs?: Record<string, Schema>, description?: string, type?: string,
@@ -84,10 +85,7 @@ export function places(root, schema, value, path = [], required = true) {
 export const keyOf = (path) => path.join("/");
 
 /** @param {string} key */
-export const title = (key) => {
-  const text = key.replace(/_(mm|deg|kg)$/, "").replaceAll("_", " ");
-  return text.charAt(0).toUpperCase() + text.slice(1);
-};
+export const title = (key) => capital(key.replace(/_(mm|deg|kg)$/, "").replaceAll("_", " "));
 
 /** @type {Record<string, string>} */
 const UNITS = { mm: "mm", deg: "°", kg: "kg" };

@@ -3,7 +3,16 @@ import { computed, signal } from "@preact/signals";
 import { post, Refused, upload } from "../core/api.js";
 import { files, freeName, home, inside, refresh, say } from "../core/store.js";
 
-/** @typedef {import("./types.js").Row} Row */
+/** @typedef {import("answers").RecordingAnswer} Found */
+/**
+ * @typedef {{path: string, found: Found | null, fault: string, busy: boolean, taken: {content: Blob, name: string} |
+ *   null}} Row
+ */
+/** @typedef {Pick<import("answers").PlanFile, "robot" | "tool" | "instruments" | "noise" | "targets">} HeaderContent */
+/**
+ * @typedef {Omit<import("answers").ReadHeader, "header"> & {header: HeaderContent, plan: boolean}} ChosenHeader
+ *   `plan`: it is that of a plan
+ */
 
 export const rows = signal(/** @type {Row[]} */ ([]));
 /** A calibration of the folder; "": a new one. */

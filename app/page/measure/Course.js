@@ -2,7 +2,7 @@
 // point.
 import { html } from "htm/preact";
 import { named, spread, unitSign, withUnit } from "../core/words.js";
-import { Plot } from "../parts/Plot.js";
+import { Plot, power } from "../parts/Plot.js";
 
 /** @typedef {import("./events.js").CoursePoint} CoursePoint */
 
@@ -44,8 +44,7 @@ export function Course({ rows, tolerances, units }) {
     scales: { x: { time: false }, y: { distr: 3 } },
     axes: [{ ...axis, label: "measurements", labelSize: 18, size: 26, incrs: [1, 2, 5, 10, 20, 50, 100] },
       { ...axis, label: `u, ${signs}`, labelSize: 18, size: 52,
-        values: (_, ticks) =>
-          ticks.map((v) => (v === null || !/^1/.test(v.toExponential()) ? "" : `${Number(v.toPrecision(1))}`)) }],
+        values: (_, ticks) => ticks.map(power) }],
     series: [
       { label: "measurements", value: (plotted, v) => v ?? plotted.data[0].at(-1) },
       ...names.map((name, i) =>

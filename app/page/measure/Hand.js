@@ -7,7 +7,7 @@ import { ALLOWED, parsed, parsedList } from "../core/decimal.js";
 import { attempt, say } from "../core/store.js";
 import { capital, fixed, unitSign } from "../core/words.js";
 import { answer, run } from "./running.js";
-import { value as heard } from "../parts/heard.js";
+import { heard } from "../parts/Controls.js";
 
 const PATIENCE_MS = 2000; // until values that bring no answer count as too few
 /** @type {Record<string, string>} */

@@ -1,6 +1,6 @@
 // The step Measure: a plan carried out by a simulation, by hand or by a robot, and what is seen of it.
 import { html } from "htm/preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { getFile } from "../core/api.js";
 import { over } from "../core/jobs.js";
@@ -8,19 +8,33 @@ import { calibrationOf, go, route, toJob } from "../core/route.js";
 import { addressed, attempt, calibration, failed, versionOf } from "../core/store.js";
 import { expandedWord, named, spread, withUnit } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
-import { into } from "../parts/heard.js";
+import { into } from "../parts/Controls.js";
 import { Message } from "../parts/Message.js";
 import { Workspace } from "../parts/Workspace.js";
 import { Scene } from "../scene/Scene.js";
-import { Confirm } from "./Confirm.js";
 import { Course } from "./Course.js";
 import { Hand } from "./Hand.js";
 import { CameraPicture, Face, Residuals, Trace } from "./Pictures.js";
 import { offered, picture, planned, preparePlan, units } from "./picture.js";
-import { command, earlier, fetchEarlier, followedFile, here, listUnfinished, missing, now, progress, remarks, run,
-  settled, state, underWay } from "./running.js";
+import { answer, command, earlier, fetchEarlier, followedFile, here, listUnfinished, missing, now, progress, remarks,
+  run, settled, state, underWay } from "./running.js";
 import { Start } from "./Start.js";
 import { Unfinished } from "./Unfinished.js";
+
+/** @param {{text: string}} props */
+function Confirm({ text }) {
+  const no = useRef(/** @type {HTMLButtonElement | null} */ (null));
+  useEffect(() => no.current?.focus(), []); // not what moves: who presses Enter by habit moves nothing
+  return html`
+    <div class="confirm" role="alertdialog" aria-labelledby="confirm-title" aria-describedby="confirm-text">
+      <h2 id="confirm-title">The robot is about to move</h2>
+      <p id="confirm-text">${text}</p>
+      <p>Stop, or Escape, ends the run and stops the motion. It is no emergency stop.</p>
+      <p class="bar">
+        <button type="button" class="main" onClick=${() => attempt(() => answer("yes"))}>Move the robot</button>
+        <button type="button" ref=${no} onClick=${() => attempt(() => answer("no"))}>Do not move</button></p>
+    </div>`;
+}
 
 /** Where the run is, or what came of it: the server's message once there is one. */
 function Now() {

@@ -2,6 +2,7 @@
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { fixed } from "../core/words.js";
+import { Plot, power } from "../parts/Plot.js";
 
 /** @typedef {import("./events.js").Spot} Spot */
 
@@ -10,31 +11,19 @@ const path = (/** @type {number[][]} */ points) => points.map(([x, y]) => `${x.t
 
 /** Distance of the spot from the centre, by step of the servo. @param {{trace: Spot[]}} props */
 export function Trace({ trace }) {
-  const left = 44, top = 10, right = SIDE - 8, bottom = SIDE - 24;
-  if (!trace.length) {
-    return html`
-      <svg viewBox="0 0 ${SIDE} ${SIDE}" role="img"
-        aria-label="No step of the servo yet.">
-        <text x=${SIDE / 2} y=${SIDE / 2} text-anchor="middle">no step yet</text></svg>`;
-  }
-  const offs = trace.map((spot) => fixed(spot.off_mm, 4));
-  const logs = trace.map((spot) => Math.log10(Math.max(spot.off_mm, 1e-6)));
-  const low = Math.floor(Math.min(...logs)), high = Math.max(low + 1, Math.ceil(Math.max(...logs)));
-  const at = (/** @type {number} */ log) => bottom - ((log - low) / (high - low)) * (bottom - top);
-  const points = logs.map((log, i) =>
-    [left + (logs.length < 2 ? 0 : (i / (logs.length - 1)) * (right - left)), at(log)]);
+  if (!trace.length) return html`<p class="muted">No step of the servo yet.</p>`;
+  const offs = trace.map((spot) => spot.off_mm), says = offs.map((off) => fixed(off, 4)).join(", ");
+  /** @type {Parameters<typeof Plot>[0]["options"]} */
+  const options = (tone, axis) => ({
+    legend: { show: false }, cursor: { show: false }, scales: { x: { time: false }, y: { distr: 3 } },
+    axes: [{ ...axis, label: "step", labelSize: 16, size: 24, incrs: [1, 2, 5, 10, 20] },
+      { ...axis, label: "mm", labelSize: 16, size: 46, values: (_, ticks) => ticks.map(power) }],
+    series: [{}, { stroke: tone("identified"), width: 1.6, points: { show: true, size: 7, fill: tone("identified") } }],
+  });
   return html`
-    <svg viewBox="0 0 ${SIDE} ${SIDE}" role="img"
-      aria-label=${`Distance of the spot from the centre by step: ${offs.join(", ")} mm.`}>
-      ${Array.from({ length: high - low + 1 }, (_, i) => low + i)
-        .map((k) => html`
-          <line class="grid" x1=${left} x2=${right} y1=${at(k)} y2=${at(k)} />
-          <text x=${left - 5} y=${at(k) + 3} text-anchor="end">${fixed(10 ** k, Math.max(0, -k))}</text>`)}
-      <polyline class="course" points=${path(points)} />
-      ${points.map(([cx, cy]) => html`<circle class="spot" cx=${cx} cy=${cy} r="3" />`)}
-      <text x="2" y="9">mm</text>
-      <text x=${(left + right) / 2} y=${SIDE - 6} text-anchor="middle">step 1 to ${trace.length}</text>
-    </svg>`;
+    <${Plot} class="plotted" shape="" options=${options} tall=${() => SIDE}
+      data=${[offs.map((_, i) => i + 1), offs.map((off) => Math.max(off, 1e-6))]}
+      says=${`Distance of the spot from the centre by step: ${says} mm.`} />`;
 }
 
 /**
@@ -83,32 +72,29 @@ export function CameraPicture({ seen }) {
       aria-label="What the camera saw last"></canvas>`;
 }
 
-const WIDE = 240, TALL = 160, MOST_NUMBERS = 12;
-
 /**
  * The normalised residual of each measurement at the fit to those so far.
  * @param {{residuals: import("./events.js").Residuals, suspect: number | null}} props
  */
 export function Residuals({ residuals, suspect }) {
-  const bars = Object.entries(residuals).map(([shot, size]) => ({ shot: Number(shot), size }));
-  if (!bars.length) return html`<p class="muted">None yet: there is no fit of the measurements so far.</p>`;
-  const left = 26, top = 12, right = WIDE - 6, bottom = TALL - 20;
-  const most = Math.max(2, Math.ceil(Math.max(...bars.map(({ size }) => size))));
-  /** @param {{shot: number, size: number}} bar */
-  const said = ({ shot, size }) => `measurement ${shot}: ${fixed(size, 2)}`;
-  const step = (right - left) / bars.length, every = Math.ceil(bars.length / MOST_NUMBERS);
-  const y = (/** @type {number} */ v) => bottom - (v / most) * (bottom - top);
+  const shots = Object.keys(residuals).map(Number), sizes = Object.values(residuals);
+  if (!shots.length) return html`<p class="muted">None yet: there is no fit of the measurements so far.</p>`;
+  /** @type {Parameters<typeof Plot>[0]["options"]} */
+  const options = (tone, axis, Chart) => {
+    const bars = (/** @type {string} */ name) =>
+      ({ fill: tone(name), width: 0, paths: Chart.paths.bars?.({ size: [0.7, 40] }), points: { show: false } });
+    return {
+      legend: { show: false }, cursor: { show: false },
+      scales: { x: { time: false, range: (_, low, high) => [low - 0.6, high + 0.6] },
+        y: { range: (_, low, high) => [0, Math.max(2, high)] } },
+      axes: [{ ...axis, size: 26, incrs: [1, 2, 5, 10, 20, 50], grid: { show: false } }, { ...axis, size: 34 }],
+      series: [{}, bars("identified"), bars("misfit")],
+    };
+  };
+  const says = shots.map((shot, i) => `measurement ${shot}: ${fixed(sizes[i], 2)}`).join(", ");
   return html`
-    <svg viewBox="0 0 ${WIDE} ${TALL}" role="img"
-      aria-label=${`Normalised residuals: ${bars.map(said).join(", ")}.`}>
-      ${[0, most / 2, most].map((v) => html`
-        <line class="grid" x1=${left} x2=${right} y1=${y(v)} y2=${y(v)} />
-        <text x=${left - 5} y=${y(v) + 4} text-anchor="end">${Number(v.toFixed(1))}</text>`)}
-      ${bars.map(({ shot, size }, i) => html`
-        <rect key=${shot} class=${shot === suspect ? "size suspect" : "size"} data-shot=${shot}
-          x=${left + (i + 0.15) * step} width=${0.7 * step} y=${y(size)}
-          height=${bottom - y(size)}><title>${`measurement ${shot}: ${fixed(size, 2)}`}</title></rect>
-        ${i % every === 0 && html`
-          <text x=${left + (i + 0.5) * step} y=${TALL - 6} text-anchor="middle">${shot}</text>`}`)}
-    </svg>`;
+    <${Plot} class="plotted" shape="" options=${options} says=${`Normalised residuals: ${says}.`}
+      data=${[shots, sizes.map((size, i) => (shots[i] === suspect ? null : size)),
+        sizes.map((size, i) => (shots[i] === suspect ? size : null))]}
+      tall=${(/** @type {HTMLElement} */ room) => Math.max(room.clientHeight, 110)} />`;
 }

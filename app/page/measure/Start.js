@@ -5,11 +5,9 @@ import { hasEdits, saveEdits, wrong } from "../core/editing.js";
 import { outOf } from "../core/jobs.js";
 import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { calibration, freeName, ofCalibration, typedIn } from "../core/store.js";
-import { Choice } from "../parts/Choice.js";
+import { Choice, into, TextField } from "../parts/Controls.js";
 import { Fields, missingOf, wordsOf } from "../parts/Fields.js";
 import { Form, Submit } from "../parts/Form.js";
-import { into } from "../parts/heard.js";
-import { TextField } from "../parts/TextField.js";
 import { start } from "./running.js";
 
 const picked = ofCalibration("");

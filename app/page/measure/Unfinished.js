@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
 import { start, unfinished } from "./running.js";
-import { into, value as heard } from "../parts/heard.js";
+import { into, heard } from "../parts/Controls.js";
 
 /** @param {{one: import("./running.js").Unfinished}} props */
 function Item({ one }) {

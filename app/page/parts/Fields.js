@@ -5,13 +5,9 @@ import { useEffect } from "preact/hooks";
 import { get } from "../core/api.js";
 import { failed, files, ofKind } from "../core/store.js";
 import { unitSign } from "../core/words.js";
-import { Check } from "./Check.js";
-import { Choice } from "./Choice.js";
+import { Check, Choice, NumberField, TextField, heard } from "./Controls.js";
 import { Fold } from "./Fold.js";
 import { useRefusal } from "./Form.js";
-import { value as heard } from "./heard.js";
-import { NumberField } from "./NumberField.js";
-import { TextField } from "./TextField.js";
 
 /** @typedef {import("answers").FormField} FormField */
 /** @typedef {import("answers").CommandForm} CommandForm */
@@ -27,7 +23,7 @@ export function useForms(of) {
 }
 
 /** @param {string} of */
-export async function loadForms(of) {
+async function loadForms(of) {
   if (known.peek()[of]) return;
   const found = /** @type {CommandForm[]} */ (await get(`/api/forms?of=${encodeURIComponent(of)}`));
   known.value = { ...known.peek(), [of]: found };
@@ -37,7 +33,7 @@ export async function loadForms(of) {
 export const formsOf = (of) => known.value[of] ?? null;
 
 /** The fields that say something beside what is stated. @param {FormField[]} fields @param {Values} values */
-export function shownOf(fields, values) {
+function shownOf(fields, values) {
   /** @param {FormField} field @returns {boolean} */
   const shows = (field) => field.needs.every((need) => {
     const [flag, words] = need.split("="), other = fields.find((one) => one.flag === flag);

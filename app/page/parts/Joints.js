@@ -1,8 +1,7 @@
 // Joint positions as the pendant names and orders them: a slider within the limits and a number each.
 import { html } from "htm/preact";
 import { unitSign } from "../core/words.js";
-import { NumberField } from "./NumberField.js";
-import { value as heard } from "./heard.js";
+import { NumberField, heard } from "./Controls.js";
 
 const LARGEST = /** @type {Record<string, number>} */ ({ deg: 1e5, mm: 1e6 }); // as files have it
 

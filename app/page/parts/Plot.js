@@ -5,11 +5,15 @@ import { useEffect, useRef } from "preact/hooks";
 /** @typedef {import("uplot")} UPlot */
 /** @typedef {(name: string) => string} Tone the colour of this name, as it is now */
 
+/** A power of ten as a tick of a logarithmic axis; "" for the ticks between. @param {number | null} v */
+export const power = (v) => (v === null || !/^1/.test(v.toExponential()) ? "" : `${Number(v.toPrecision(1))}`);
+
 const FONT = '12px "IBM Plex Sans", system-ui, sans-serif';
 
 /**
  * @param {{data: import("uplot").AlignedData, shape: string, says: string, class?: string,
- *   options: (tone: Tone, axis: import("uplot").Axis) => Omit<import("uplot").Options, "width" | "height">,
+ *   options: (tone: Tone, axis: import("uplot").Axis, chart: typeof import("uplot")) =>
+ *     Omit<import("uplot").Options, "width" | "height">,
  *   tall: (room: HTMLElement) => number}} props `shape`: what the options depend on; `says`: for what reads the page;
  *   `axis`: as all axes are
  */
@@ -29,7 +33,7 @@ export function Plot({ data, shape, says, class: name, options, tall }) {
       const line = { stroke: tone("line"), width: 1 }, now = latest.current;
       const axis = { stroke: tone("muted"), grid: line, ticks: line, font: FONT, labelFont: FONT };
       plot.current?.destroy();
-      plot.current = new Chart({ ...size(room), ...now.options(tone, axis) }, now.data, room);
+      plot.current = new Chart({ ...size(room), ...now.options(tone, axis, Chart) }, now.data, room);
       sizes.observe(room);
     };
     const dark = matchMedia("(prefers-color-scheme: dark)");

@@ -5,7 +5,7 @@ import { getFile, post } from "../core/api.js";
 import { answer, file } from "../core/editing.js";
 import { attempt, ofKind } from "../core/store.js";
 import { marked, named, SHAPES, spread } from "../core/words.js";
-import { Choice } from "../parts/Choice.js";
+import { Choice } from "../parts/Controls.js";
 import { Table } from "../parts/Table.js";
 
 /** @param {import("answers").CheckAnswer} found */

@@ -2,12 +2,11 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { file, save, unsaved } from "../core/editing.js";
-import { freeName, ofCalibration, typedIn } from "../core/store.js";
-import { Choice } from "../parts/Choice.js";
+import { calibrationOf } from "../core/route.js";
+import { freeName, inside, ofCalibration, typedIn } from "../core/store.js";
+import { Choice, into, TextField } from "../parts/Controls.js";
 import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Form } from "../parts/Form.js";
-import { into } from "../parts/heard.js";
-import { TextField } from "../parts/TextField.js";
 import { useWritten, Written } from "../parts/Written.js";
 
 const form = ofCalibration("pdf");
@@ -18,7 +17,7 @@ const stemOf = (name) => name.replace(/^.*\//, "").replace(/\.[^.]*$/, "");
 
 /** The files of a form, the first of which is called so. @param {string[]} files @param {string} to */
 function filesOf([first, ...others], to) {
-  const folder = to.slice(0, to.lastIndexOf("/") + 1);
+  const folder = inside(calibrationOf(to));
   return [to,
     ...others.map((name) =>
       folder + (stemOf(name) === stemOf(first) ? stemOf(to) + name.slice(name.lastIndexOf(".")) : name))];
@@ -30,7 +29,7 @@ export function Exporting() {
   if (!chosen) return null;
   // A controller may allow letters, digits and _ only in a program's name.
   const proposed = chosen.name === "pdf" ? freeName(file.value.replace(/\.ya?ml$/, ".pdf"))
-    : freeName(file.value.slice(0, file.value.lastIndexOf("/") + 1) + chosen.files[0], "");
+    : freeName(inside(calibrationOf(file.value)) + chosen.files[0], "");
   const write = async () => {
     const to = out.value.trim() || proposed, words = wordsOf(chosen.fields, typed.value), name = file.value;
     if (unsaved.value && !(await save())) return;

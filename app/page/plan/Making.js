@@ -7,12 +7,10 @@ import { well } from "../core/jobs.js";
 import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { calibration, freeName, inside, ofCalibration, ofKind, typedIn } from "../core/store.js";
 import { sentence } from "../core/words.js";
-import { Choice } from "../parts/Choice.js";
+import { Choice, into, TextField } from "../parts/Controls.js";
 import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Form, Submit } from "../parts/Form.js";
 import { useCommand } from "../parts/JobProgress.js";
-import { TextField } from "../parts/TextField.js";
-import { into } from "../parts/heard.js";
 
 /** @typedef {import("../core/editing.js").PlanContent} PlanContent */
 

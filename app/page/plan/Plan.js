@@ -8,8 +8,8 @@ import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, 
 import { mountedIn } from "../core/mounting.js";
 import { calibrationOf, go, route, toJob } from "../core/route.js";
 import { addressed, attempt, calibration, versionOf } from "../core/store.js";
-import { Choice } from "../parts/Choice.js";
-import { DownloadDraft } from "../parts/DownloadDraft.js";
+import { Choice } from "../parts/Controls.js";
+import { DownloadDraft } from "../parts/Unsaved.js";
 import { Fold } from "../parts/Fold.js";
 import { Joints } from "../parts/Joints.js";
 import { Message } from "../parts/Message.js";
@@ -19,7 +19,7 @@ import { Beside } from "./Beside.js";
 import { Determined } from "./Determined.js";
 import { Exporting } from "./Exporting.js";
 import { Making } from "./Making.js";
-import { motion, stopMotion } from "./motion.js";
+import { motion, play } from "./motion.js";
 import { aside, held, meshNotes, moveBox, moveFlange, moveTarget, picture, postureName, setJoint,
   turnJoint } from "./picture.js";
 import { Postures } from "./Postures.js";
@@ -104,7 +104,7 @@ export function PlanScene({ caption = "Postures as the servo will leave them, ro
   const still = motion.value !== null;
   return html`
     <${Scene} scene=${scene} chosen=${chosen.value} motion=${motion.value} tools=${still ? {} : tools.value}
-      onChoose=${(/** @type {number} */ i) => { chosen.value = i; stopMotion(); }} onTarget=${moveTarget}
+      onChoose=${(/** @type {number} */ i) => { chosen.value = i; play(-1); }} onTarget=${moveTarget}
         onFlange=${moveFlange} onJoint=${turnJoint} onBox=${moveBox}
       caption=${still ? "The arm moves along the null-space direction, with the target: the measurements hardly change."
         : [aside.value || caption, held.value].filter(Boolean).join(" ")} />`;

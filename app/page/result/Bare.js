@@ -7,9 +7,8 @@ import { follow as followed, outOf, well } from "../core/jobs.js";
 import { goOn, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
 import { useCommand } from "../parts/JobProgress.js";
-import { TextField } from "../parts/TextField.js";
+import { into, TextField } from "../parts/Controls.js";
 import { history, loadHistory, showAnalysis } from "./state.js";
-import { into } from "../parts/heard.js";
 
 /** @param {{run: string, analysed: boolean}} props */
 export function Bare({ run, analysed }) {

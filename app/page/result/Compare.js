@@ -4,19 +4,16 @@ import { useSignal } from "@preact/signals";
 import { pageOf } from "../core/api.js";
 import { attempt, inside } from "../core/store.js";
 import { route } from "../core/route.js";
-import { capital, expandedWord, named, fixed } from "../core/words.js";
-import { Check } from "../parts/Check.js";
-import { into } from "../parts/heard.js";
+import { capital, estimateOf, expandedOf, expandedWord, fixed, named } from "../core/words.js";
+import { Check, into, TextField } from "../parts/Controls.js";
 import { useCommand } from "../parts/JobProgress.js";
-import { TextField } from "../parts/TextField.js";
-import { estimateOf, expandedOf } from "./numbers.js";
 import { history } from "./state.js";
 import { Table } from "../parts/Table.js";
 
-/** @typedef {import("../core/printed.js").Comparison} Comparison */
+/** @typedef {import("../core/jobs.js").Comparison} Comparison */
 
 /** @type {Record<string, string>} */
-const TONES = { agrees: "pass", "does not agree": "misfit", "not tested": "weak" };
+const TONES = { agrees: "pass", misfit: "misfit" };
 
 /** @param {{serial: string | null}} props the arm whose recordings come first */
 export function Compare({ serial }) {

@@ -6,8 +6,7 @@ import { calibration, freeName, typedIn } from "../core/store.js";
 import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Fold } from "../parts/Fold.js";
 import { Form } from "../parts/Form.js";
-import { into } from "../parts/heard.js";
-import { TextField } from "../parts/TextField.js";
+import { into, TextField } from "../parts/Controls.js";
 import { useWritten, Written } from "../parts/Written.js";
 
 /** @typedef {import("answers").CommandForm} CommandForm */

@@ -5,18 +5,15 @@ import { useSignal } from "@preact/signals";
 import { pageOf } from "../core/api.js";
 import { well } from "../core/jobs.js";
 import { typedIn } from "../core/store.js";
-import { toJob } from "../core/route.js";
-import { counted, expandedWord, marked, named } from "../core/words.js";
-import { Check } from "../parts/Check.js";
+import { calibrationOf, toJob } from "../core/route.js";
+import { counted, estimateOf, expandedOf, expandedWord, marked, named, unitSign } from "../core/words.js";
+import { Check, into, TextField } from "../parts/Controls.js";
 import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Form, Submit } from "../parts/Form.js";
 import { useCommand } from "../parts/JobProgress.js";
-import { TextField } from "../parts/TextField.js";
-import { estimateOf, expandedOf } from "./numbers.js";
 import { history } from "./state.js";
-import { Trend } from "./Trend.js";
-import { into } from "../parts/heard.js";
 import { Table } from "../parts/Table.js";
+import { Plot } from "../parts/Plot.js";
 
 /** @typedef {import("answers").BriefRun} BriefRun */
 /** @typedef {import("answers").BriefResult} BriefResult */
@@ -25,7 +22,6 @@ const AT_ONCE = 80; // files of one command
 
 const byDate = (/** @type {BriefRun} */ a, /** @type {BriefRun} */ b) =>
   (a.when ?? "").localeCompare(b.when ?? "") || a.file.localeCompare(b.file);
-const folderOf = (/** @type {string} */ file) => file.slice(0, Math.max(0, file.lastIndexOf("/"))) || ".";
 
 /** Numbers that the measurements support: none of a misfit. @param {BriefResult} result */
 const offsets = (result) => (result.offsets ?? []).map((row) => {
@@ -64,7 +60,7 @@ export function History({ serial, run }) {
           <tr key=${one.file}>
             <th scope="row">
               <a
-                href=${toJob(folderOf(one.file), "result", result && !result.error ? result.file : one.file)}>
+                href=${toJob(calibrationOf(one.file), "result", result && !result.error ? result.file : one.file)}>
                 ${one.file}</a></th>
             <td>${one.when ?? ""}</td>
             <td class=${error ? "misfit" : result?.grade ?? "muted"}>${error ?? result?.words ?? "no report"}</td>
@@ -74,6 +70,38 @@ export function History({ serial, run }) {
       ${[...points].filter(([, own]) => own.length > 1)
         .map(([name, own]) => html`<${Trend} key=${name} name=${name} points=${own} />`)}</div>
     <${Drift} serial=${serial} />`;
+}
+
+/** @typedef {{when: string, file: string, unit: string, estimate: number, std: number}} Point */
+
+const HEIGHT = 150;
+
+/** @param {{name: string, points: Point[]}} props */
+function Trend({ name, points }) {
+  const times = points.map(({ when }) => Date.parse(when));
+  const timed = times.every(Number.isFinite) && new Set(times).size === times.length;
+  const text = points.map((point) => {
+    const row = { ...point, status: "" };
+    return `${point.when || point.file}: ${estimateOf(row, 2)} ± ${expandedOf(row, 2)}`;
+  }).join("; ");
+  /** @type {Parameters<typeof Plot>[0]["options"]} */
+  const options = (tone, axis) => {
+    const line = tone("identified"), edge = { stroke: line, width: 1, dash: [3, 3], points: { show: false } };
+    return {
+      legend: { show: false }, cursor: { show: false }, scales: { x: { time: timed } },
+      axes: [{ ...axis, size: 34,
+        ...(timed ? {} : { values: (_, splits) => splits.map((v) => (Number.isInteger(v) ? `run ${v + 1}` : "")) }) },
+        { ...axis, size: 56 }],
+      series: [{}, { stroke: line, width: 2, points: { show: true, size: 7, fill: line } }, edge, edge],
+      bands: [{ series: [2, 3], fill: `${line}22` }],
+    };
+  };
+  return html`
+    <figure class="trend">
+      <${Plot} shape=${text} options=${options} tall=${() => HEIGHT} says=${`${named(name)}: ${text}`}
+        data=${[timed ? times.map((time) => time / 1000) : points.map((_, i) => i), points.map((p) => p.estimate),
+          points.map((p) => p.estimate + 2 * p.std), points.map((p) => p.estimate - 2 * p.std)]} />
+      <figcaption>${named(name)}, ${unitSign(points[0].unit)}, with ${expandedWord(2)}</figcaption></figure>`;
 }
 
 const typed = typedIn({ "--as-of": new Intl.DateTimeFormat("sv").format(new Date()) });

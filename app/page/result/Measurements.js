@@ -1,7 +1,7 @@
 // The measurements of a result: each can be left out of a new fit; what chosen draws do to their residuals.
 import { html } from "htm/preact";
 import { fixed } from "../core/words.js";
-import { Check } from "../parts/Check.js";
+import { Check } from "../parts/Controls.js";
 import { brushed, leaveOut, leaveOutThese, out, showShift, single } from "./state.js";
 import { Table } from "../parts/Table.js";
 
@@ -16,7 +16,7 @@ const DRAWN = [["all draws", "right"], ["chosen draws", "right"], ["change", "ri
 const number = (/** @type {number | null} */ value, /** @type {number} */ digits) =>
   (value === null ? "—" : fixed(value, digits));
 
-/** @param {{found: import("./types.js").Found}} props */
+/** @param {{found: import("./state.js").Found}} props */
 export function Measurements({ found }) {
   const refits = found.run !== null, chosen = new Map(brushed.value?.shots.map((shot) => [shot.shot, shot]));
   const brushes = chosen.size > 0;

@@ -6,11 +6,9 @@ import { route } from "../core/route.js";
 import { attempt, files, freeName, inside, refresh, typedIn } from "../core/store.js";
 import { sentence } from "../core/words.js";
 import { zip } from "../core/zip.js";
-import { Choice } from "../parts/Choice.js";
+import { Choice, filesOf, into, TextField } from "../parts/Controls.js";
 import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Form } from "../parts/Form.js";
-import { filesOf, into } from "../parts/heard.js";
-import { TextField } from "../parts/TextField.js";
 import { useWritten, Written } from "../parts/Written.js";
 
 const typed = typedIn();

@@ -3,13 +3,13 @@
 import { html } from "htm/preact";
 import { goOn, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
-import { capital, expandedWord, fixed, marked, named, sentence, SHAPES, WORDS } from "../core/words.js";
+import { capital, estimateOf, expandedOf, expandedWord, fixed, marked, named, sentence, SHAPES,
+  WORDS } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
-import { estimateOf, expandedOf } from "./numbers.js";
 import { refitFault, refitted, saveWithout, shift, single } from "./state.js";
 import { Table as Scrolled } from "../parts/Table.js";
 
-/** @typedef {import("./types.js").Found} Found */
+/** @typedef {import("./state.js").Found} Found */
 
 /**
  * What the first page of the report has: values and their U, what they gain, what would make it better.

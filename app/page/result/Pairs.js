@@ -4,11 +4,11 @@ import { useEffect, useMemo, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { named } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
-import { NumberField } from "../parts/NumberField.js";
+import { NumberField } from "../parts/Controls.js";
 import { draw, panelOf, plotted, regionOf, sizeOf } from "./pair_plot.js";
 import { brushed, brushFault, chooseDraws, posterior, posteriorSays, ranges, shift } from "./state.js";
 
-/** @typedef {import("./types.js").Ranges} Ranges */
+/** @typedef {import("./state.js").Ranges} Ranges */
 /** @typedef {import("./pair_plot.js").Pair} Pair */
 
 const STEP = 0.04; // of a panel: by how much an arrow key moves or changes a region
@@ -16,7 +16,7 @@ const LEAST_PX = 4; // that a drag is
 /** Of an arrow key: the axis of the panel, and the way. @type {Record<string, [number, number]>} */
 const WAYS = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowDown: [1, -1], ArrowUp: [1, 1] };
 
-/** @param {{found: import("./types.js").Found}} props */
+/** @param {{found: import("./state.js").Found}} props */
 export function Pairs({ found }) {
   const drawn = posterior.value, data = useMemo(() => (drawn ? plotted(drawn) : null), [drawn]);
   const canvas = useRef(/** @type {HTMLCanvasElement | null} */ (null)), panel = useSignal(1);

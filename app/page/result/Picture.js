@@ -5,11 +5,10 @@ import { useSignal } from "@preact/signals";
 import { post, Refused } from "../core/api.js";
 import { robots } from "../core/store.js";
 import { fixed } from "../core/words.js";
-import { into } from "../parts/heard.js";
+import { into, heard } from "../parts/Controls.js";
 import { Scene } from "../scene/Scene.js";
-import { value as heard } from "../parts/heard.js";
 
-/** @typedef {import("./types.js").Found} Found */
+/** @typedef {import("./state.js").Found} Found */
 /** @typedef {"before" | "after" | "residuals"} What */
 
 /** @type {[What, string][]} */

@@ -3,14 +3,13 @@ import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { go, route, toJob } from "../core/route.js";
 import { addressed, attempt, calibration, files, ownerOf } from "../core/store.js";
-import { named, sentence, WORDS } from "../core/words.js";
-import { Choice } from "../parts/Choice.js";
+import { bytes, named, sentence, WORDS } from "../core/words.js";
+import { Choice } from "../parts/Controls.js";
 import { Fold } from "../parts/Fold.js";
 import { Message } from "../parts/Message.js";
 import { Workspace } from "../parts/Workspace.js";
 import { Bare } from "./Bare.js";
 import { Compare } from "./Compare.js";
-import { Downloads, ReportLink } from "./Downloads.js";
 import { Exports } from "./Exports.js";
 import { History } from "./History.js";
 import { Measurements } from "./Measurements.js";
@@ -19,8 +18,9 @@ import { Pairs } from "./Pairs.js";
 import { Picture } from "./Picture.js";
 import { MyPrograms } from "./MyPrograms.js";
 import { bareRun, failure, history, leaveOutThese, loadHistory, open, show, shown } from "./state.js";
+import { downloadOf, pageOf } from "../core/api.js";
 
-/** @typedef {import("./types.js").Found} Found */
+/** @typedef {import("./state.js").Found} Found */
 
 /** The file that the address names, else the newest of the calibration: of a run its newest result, if there is one. */
 function useAddressed() {
@@ -73,6 +73,28 @@ function About({ found: { inputs, origin } }) {
 
 const isSimulated = (/** @type {Found} */ found) =>
   found.origin.origin === "simulated" || Boolean(found.message?.verdict.startsWith("Simulated"));
+
+/** @param {{found: import("./state.js").Found}} props */
+function Downloads({ found }) {
+  return html`
+    <ul class="downloads">
+      <li><a href=${`/api/archive?file=${encodeURIComponent(found.file)}`}
+        download>Everything in one archive (.zip)</a></li>
+      ${found.files.map((one) => html`
+        <li key=${one.path}>
+          <a href=${downloadOf(one.path)} download>${one.path}</a> <small class="muted">
+            ${bytes(one.bytes)}</small></li>`)}
+      ${found.run && html`
+        <li>
+          <a href=${downloadOf(found.run)} download>${found.run}</a> <small class="muted">the run itself</small></li>`}
+    </ul>`;
+}
+
+/** @param {{found: import("./state.js").Found}} props */
+const ReportLink = ({ found }) =>
+  (found.report
+    ? html`<a class="button report" href=${pageOf(found.report)} target="_blank" rel="noopener">Open the report</a>`
+    : null);
 
 /** @param {{found: Found}} props */
 function Inspector({ found }) {

@@ -2,7 +2,7 @@
 import { fixed, named } from "../core/words.js";
 
 /** @typedef {import("answers").PosteriorDraws} Posterior */
-/** @typedef {import("./types.js").Ranges} Ranges */
+/** @typedef {import("./state.js").Ranges} Ranges */
 /** @typedef {[number, number]} Pair column and row of a panel */
 /**
  * @typedef {{left: number, top: number, right: number, bottom: number, x: (v: number) => number,

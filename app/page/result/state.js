@@ -4,11 +4,21 @@ import { get, getFile, latest, post, Refused } from "../core/api.js";
 import { refresh, say } from "../core/store.js";
 import { named } from "../core/words.js";
 
-/** @typedef {import("./types.js").Found} Found */
 /** @typedef {import("answers").Refit} Refit */
 /**
- * @typedef {{answer: import("../core/printed.js").Printed | null, front: string | null}} Analysis a job that has ended
+ * @typedef {{answer: import("../core/jobs.js").Printed | null, front: string | null}} Analysis a job that has ended
  */
+
+/** @typedef {import("answers").ShownResult} Shown */
+/**
+ * @typedef {"verdict" | "headline" | "coverage_factor" | "posterior" | "notes" | "diagnosis" | "parameters" | "shots"
+ *   | "inputs"} Always
+ */
+/**
+ * A result, or an analysis of which no report was written (`file` is "").
+ * @typedef {Omit<Shown, Always> & {[K in Always]: NonNullable<Shown[K]>}} Found
+ */
+/** @typedef {Record<string, [number, number]>} Ranges of parameters, by name */
 
 export const open = signal(/** @type {Found | null} */ (null));
 /** A run that has no report yet; "" where none is open. */
@@ -28,7 +38,7 @@ export const refitFault = signal("");
 
 export const posterior = signal(/** @type {import("answers").PosteriorDraws | null} */ (null));
 export const posteriorSays = signal("");
-export const ranges = signal(/** @type {import("./types.js").Ranges} */ ({}));
+export const ranges = signal(/** @type {Ranges} */ ({}));
 export const brushed = signal(/** @type {import("answers").Brushed | null} */ (null));
 export const brushFault = signal("");
 
@@ -188,7 +198,7 @@ const brush = latest(
   (error) => { brushFault.value = error.text; },
 );
 
-/** Chooses draws by ranges of parameters; {}: none. @param {import("./types.js").Ranges} next */
+/** Chooses draws by ranges of parameters; {}: none. @param {Ranges} next */
 export function chooseDraws(next) {
   ranges.value = next;
   brushFault.value = "";

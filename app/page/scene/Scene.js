@@ -2,7 +2,6 @@
 import { useSignal } from "@preact/signals";
 import { html } from "htm/preact";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { Cube, SIDES } from "./Cube.js";
 import { Solid } from "./Solid.js";
 import { FIRST_VIEW, Still } from "./Still.js";
 
@@ -28,6 +27,32 @@ function drawnBy() {
 /** @param {Held} held */
 const heldName = (held) =>
   (held.kind === "target" ? held.name : held.kind === "flange" ? "flange" : `box ${held.index + 1}`);
+
+/** @typedef {{name: string, says: string, from: {azimuth: number, elevation: number}}} Side */
+
+/** @type {Side[]} */
+const SIDES = [
+  { name: "X", says: "+x", from: { azimuth: 0, elevation: 0 } },
+  { name: "−X", says: "−x", from: { azimuth: 180, elevation: 0 } },
+  { name: "Y", says: "+y", from: { azimuth: 90, elevation: 0 } },
+  { name: "−Y", says: "−y", from: { azimuth: -90, elevation: 0 } },
+  { name: "Z", says: "above", from: { azimuth: -90, elevation: 90 } },
+  { name: "−Z", says: "below", from: { azimuth: -90, elevation: -90 } },
+];
+
+/**
+ * Its faces are no stops of the keyboard: the keys X, Y and Z of the picture do the same.
+ * @param {{turn: import("@preact/signals").Signal<string>, onSide: (side: Side) => void}} props
+ */
+function Cube({ turn, onSide }) {
+  return html`<div class="scene-cube" role="group" aria-label="View cube">
+    <div class="turned" style=${{ transform: turn.value }}>
+      ${SIDES.map((side, i) => html`
+        <button type="button" class=${`side${i}`} tabindex="-1" aria-label=${`${side.name}: view from ${side.says}`}
+          onClick=${() => onSide(side)}>${side.name}</button>`)}
+    </div>
+  </div>`;
+}
 
 /**
  * @param {{scene: import("./types.js").Scene3D, chosen: number, tools?: import("./types.js").Tools,
@@ -75,7 +100,7 @@ export function Scene({ scene, chosen, tools = {}, motion = null, caption, label
     if (flat.value) still.value = { ...still.value, zoom: Math.max(0.3, Math.min(12, still.value.zoom * by)) };
     else view.current?.zoom(by);
   };
-  const side = (/** @type {import("./Cube.js").Side} */ { from }) => {
+  const side = (/** @type {Side} */ { from }) => {
     if (flat.value) still.value = { ...still.value, ...from };
     else view.current?.fit(from);
   };

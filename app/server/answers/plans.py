@@ -26,12 +26,11 @@ from ....model.instruments.kind import POINT, Mark, Target
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.parsing.validation import as_tuple, validate
 from ....model.records import if_any, it, record
+from ....reports.output.html import fragment
+from ....reports.plan.check_page import predicted_blocks
 from ....reports.plan.plan_page import postures_of
-from ....reports.run.parameter_section import worth_column
-from ....words.geometry_words import check_lines
+from ....reports.run.unobservable import direction_words
 from ....words.message import message as message_of
-from ....words.observability import over_target_sentence
-from ....words.outlook_words import HEADS, TITLE, shown_remedies
 from ....words.plan_catalogue import violation_words
 from ..index import Folder, yaml_path
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
@@ -114,22 +113,26 @@ class NullMotion:
 
 
 @record(kw_only=True)
-class WorthColumn:
-    """The column beside u: its head, and what it says of each offset."""
+class OpenDirection:
+    """A combination of parameters that the measurements leave open, in words."""
 
-    head: str
-    of: dict[str, str]
+    combination: str
+    kind: str
+    reason: str
+    remedy: str
 
 
 @record(kw_only=True)
 class CheckRemarks:
     """What the command prints besides the table."""
 
-    worth: WorthColumn
-    tolerated: Annotated[list[str], it("parameters with tolerances, of geometry and tool")]
-    lines: Annotated[list[str], it("on the geometry")]
-    over_target: str | None
-    outlook: Annotated[list[list[str]], it("rows of what would make it better, the head first")]
+    predicted: Annotated[
+        str, it("what the measurements will determine, and what would make them better, as HTML")
+    ]
+    directions: Annotated[
+        list[OpenDirection | None],
+        it("in the order of `null_motion`; null where all of it has a tolerance"),
+    ]
 
 
 @record(kw_only=True, eq=False)
@@ -314,23 +317,14 @@ def _among(aimed: AimedPlan, obstacles: Obstacles) -> AimedPlan:
 
 
 def _remarks(checked: Check) -> CheckRemarks:
-    head, of = worth_column(checked.geometry)
-    offsets = [row for row in checked.parameters if row.group == "offset"]
+    tolerated = {row.name for row in checked.parameters if row.tolerated}
     return CheckRemarks(
-        worth=WorthColumn(head=head, of={row.name: of(row) for row in offsets}),
-        tolerated=[row.name for row in checked.parameters if row.tolerated],
-        lines=list(check_lines(checked)),
-        over_target=over_target_sentence(checked),
-        outlook=_outlook(checked),
+        predicted=fragment(predicted_blocks(checked, alone=True), {}),
+        directions=[
+            None if tolerated.issuperset(one.combination) else OpenDirection(**vars(direction_words(one)))
+            for one in checked.identifiability.null_space
+        ],
     )
-
-
-def _outlook(checked: Check) -> list[list[str]]:
-    if checked.outlook is None:
-        return []
-    rows = shown_remedies(checked.outlook, {row.name: row.unit for row in checked.parameters})
-    cells = [[row.remedy, row.largest, row.tcp_median, row.tcp_95, row.minutes] for row in rows]
-    return [[TITLE, "largest U", *HEADS], *cells] if cells else []
 
 
 def _plan_of(folder: Folder, content: Content, path: Path) -> Plan:

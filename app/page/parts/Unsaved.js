@@ -1,13 +1,42 @@
-// The plan that is open was changed elsewhere meanwhile: both are shown, and one is chosen. Nothing is written before.
+// What is asked before changes that are not saved would be lost: the file was changed meanwhile, or they are left.
 import { html } from "htm/preact";
-import { useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { signal, useSignal } from "@preact/signals";
 import { counted } from "../core/counting.js";
-import { arm, conflict, file, keepMine, plan, save, takeTheirs, unsaved } from "../core/editing.js";
-import { goOn, route, toJob } from "../core/route.js";
+import { arm, conflict, discard, file, keepMine, plan, save, takeTheirs, unsaved } from "../core/editing.js";
+import { go, goOn, route, toJob } from "../core/route.js";
 import { freeName } from "../core/store.js";
-import { Dialog } from "./Dialog.js";
-import { DownloadDraft } from "./DownloadDraft.js";
 import { Table } from "./Table.js";
+
+/**
+ * A question, above the page until it is answered.
+ * @param {{title: string, onClose: () => void, children?: unknown}} props `onClose`: Escape, or the button
+ */
+function Dialog({ title, onClose, children }) {
+  const element = useRef(/** @type {HTMLDialogElement | null} */ (null));
+  useEffect(() => { if (!element.current?.open) element.current?.showModal(); }, []);
+  return html`
+    <dialog ref=${element} aria-labelledby="dialog-title"
+      onCancel=${(/** @type {Event} */ event) => { event.preventDefault(); onClose(); }}>
+      <h2 id="dialog-title">${title}</h2>
+      ${children}
+    </dialog>`;
+}
+
+/**
+ * The plan as it is edited, as a file of the person's own: also where the folder cannot take it.
+ * @param {import("preact").TargetedMouseEvent<HTMLAnchorElement>} event
+ */
+function download(event) {
+  const content = new Blob([`${JSON.stringify(plan.value, null, 1)}\n`],
+    { type: "application/yaml" }); // JSON is YAML too
+  const address = URL.createObjectURL(content);
+  event.currentTarget.href = address;
+  setTimeout(() => URL.revokeObjectURL(address), 10_000);
+}
+
+export const DownloadDraft = () => html`
+  <a class="button" href="#" download=${file.value.replace(/^.*\//, "")} onClick=${download}>Download the plan</a>`;
 
 const MOST = 30; // differences that are shown
 
@@ -40,6 +69,7 @@ const short = (/** @type {unknown} */ value) => {
   return text.length > 60 ? `${text.slice(0, 57)}…` : text;
 };
 
+/** The plan that is open was changed elsewhere: both are shown, and one is chosen. Nothing is written before. */
 export function Conflict() {
   const theirs = conflict.value, busy = useSignal(false);
   if (theirs === null || !unsaved.value) return null;
@@ -82,6 +112,28 @@ export function Conflict() {
           <button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
         <button type="button" disabled=${busy.value} onClick=${during(saveCopy)}>Save mine as ${copy}</button>
         <${DownloadDraft} />
+      </p>
+    <//>`;
+}
+
+/** Where to go; "" where nobody leaves. */
+export const leaving = signal("");
+
+/** Before a calibration is left: changes are saved, kept as a draft, or given up. */
+export function Leaving() {
+  const to = leaving.value;
+  if (!to) return null;
+  const leave = () => { leaving.value = ""; go(to, { sure: true }); };
+  const stay = () => { leaving.value = ""; };
+  return html`
+    <${Dialog} title="The plan has changes that are not saved" onClose=${stay}>
+      <p>${file.value}. As a draft they stay in this browser, and are there when the plan is opened again.</p>
+      <p class="bar">
+        <button type="button" class="main"
+          onClick=${async () => { if (await save()) leave(); else stay(); }}>Save</button>
+        <button type="button" onClick=${leave}>Leave them as a draft</button>
+        <button type="button" onClick=${() => { discard(); leave(); }}>Discard</button>
+        <button type="button" onClick=${stay}>Stay</button>
       </p>
     <//>`;
 }
