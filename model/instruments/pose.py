@@ -384,6 +384,6 @@ def _one_axis(flange: Matrix) -> Matrix | None:
 
 
 def _sine_axes(turns: Matrix) -> Matrix:
-    """(N, 3) of the rotations from the first of `turns` (N, 3, 3) to each: the axis times the sine."""
+    """(N, 3) of the rotations from the first of `turns` (N, 3, 3) to each: the axis times twice the sine."""
     by = turns[0].T @ turns
     return np.stack([by[:, 2, 1] - by[:, 1, 2], by[:, 0, 2] - by[:, 2, 0], by[:, 1, 0] - by[:, 0, 1]], axis=1)

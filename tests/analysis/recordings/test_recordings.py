@@ -13,6 +13,7 @@ from zerobeam.analysis.observability.geometry_result import link_columns
 from zerobeam.analysis.recordings.recordings import (
     SIGNIFICANCE,
     Effective,
+    Recording,
     RecordingLag,
     _above_zero,
     correlation,
@@ -23,6 +24,7 @@ from zerobeam.analysis.recordings.recordings import (
     recording_rows,
     recordings,
     rho_of,
+    times_errors,
     traces,
     white_times,
 )
@@ -54,6 +56,22 @@ def errors(rng: np.random.Generator, rho: float) -> Matrix:
     for k in range(1, EACH):
         e[:, k] = rho * e[:, k - 1] + np.sqrt(1 - rho**2) * e[:, k]
     return e.reshape(-1, 3)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.3, -0.6, 0.95])
+def test_correlated_errors_are_those_of_the_whole_matrix(rho: float) -> None:
+    """R has rho^|i - j| between two measurements, for each component that was read; others have no errors."""
+    rng = np.random.default_rng(6)
+    shots, d = 11, 2
+    active = np.ones((shots, d))
+    active[3, 1] = active[7, 0] = 0.0
+    jacobian = rng.normal(size=(shots * d, 4)) * active.reshape(-1, 1)
+    recording = Recording(
+        "psd", np.arange(shots), np.zeros((shots, d)), jacobian, np.zeros((shots, d, 3)), active
+    )
+    apart = np.abs(np.subtract.outer(np.arange(shots), np.arange(shots)))
+    whole = np.kron(np.where(apart == 0, 1.0, float(rho) ** apart), np.eye(d)) * np.outer(active, active)
+    np.testing.assert_allclose(times_errors(recording, rho), whole @ jacobian, atol=1e-12)
 
 
 def of_errors(solution: Solution, e: Matrix) -> Solution:

@@ -17,6 +17,7 @@ from plain_stations import (
 from scipy.spatial.transform import Rotation
 
 from zerobeam.model.instruments.kind import Target as PlannedTarget
+from zerobeam.model.instruments.pose import _sine_axes
 from zerobeam.model.instruments.registry import STATIONS
 
 VARIED = [
@@ -246,6 +247,34 @@ def test_a_wrist_that_never_turns_leaves_the_guess_where_it_is(kind):
     if kind == "tracker":
         for pose, reading in zip(flange, readings, strict=True):
             np.testing.assert_allclose(residual(pose[:3], np.zeros(3), start, reading)[0], 0, atol=1e-5)
+
+
+def test_each_of_several_free_reflectors_is_recovered():
+    rng = np.random.default_rng(5)
+    instrument = station("tracker", reflectors={name: {} for name in "ABC"})
+    flange, truth = poses(rng, 18), random_unknowns(instrument, rng)
+    variants = list("ABC") * 6
+    readings = np.array(
+        [
+            simulated(instrument, pose, np.zeros(3), truth, variant)
+            for pose, variant in zip(flange, variants, strict=True)
+        ]
+    )
+    means = np.array([each.mean for each in instrument.unknowns])
+    start = instrument.start_unknowns(flange, readings, means, variants)
+    np.testing.assert_allclose(start, truth, atol=1e-5)
+    # Negative control: by another reflector the readings are not explained.
+    assert not np.allclose(
+        instrument.start_unknowns(flange, readings, means, variants[1:] + variants[:1]), truth, atol=1
+    )
+
+
+@pytest.mark.parametrize("axis", np.eye(3))
+def test_the_axes_between_rotations_are_known(axis):
+    """Twice the sine of 30° is 1: of a turn by 30° from the first rotation its axis, whatever that is."""
+    first = Rotation.from_rotvec([0.3, -0.5, 0.7])
+    turns = np.array([first.as_matrix(), (first * Rotation.from_rotvec(np.radians(30) * axis)).as_matrix()])
+    np.testing.assert_allclose(_sine_axes(turns), [[0, 0, 0], axis], atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
