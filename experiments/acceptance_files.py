@@ -36,9 +36,9 @@ from ..model.likelihood.problem import Problem, by_posture
 from ..model.records import internal, it, record
 from ..words.provenance import VERIFIES
 from ..words.wording import listed
-from .makers.calibration import converged_solution, require_validated
 from .makers.maker import vendor_of
 from .plans.constraints import clear_postures
+from .validated_solution import converged_solution, require_validated
 
 _SHA, _ENTERED = f"{VERIFIES} sha256", "entered"
 ACCEPTANCE_SCHEMA: Final = "zerobeam/acceptance/1"

@@ -26,7 +26,7 @@ from ..words.provenance import is_simulated
 from ..words.wording import listed
 from .command_options import BackupOptions, ReachOptions, ZeroOptions
 from .makers.abb.moc_offsets import Gears, reading_change
-from .makers.calibration import NotValidated, RobotCalibration, calibration, require_nominal_arm
+from .makers.calibration import RobotCalibration, calibration, require_nominal_arm
 from .makers.fanuc.backup import count_change
 from .makers.kuka.machine_data import mames_change
 from .makers.maker import require_vendor, vendor_of
@@ -44,6 +44,7 @@ from .positions.conversion import (
 )
 from .positions.position import PositionLanguage, What
 from .positions.program_backup import AUDIT, Backup, read_backup
+from .validated_solution import NotValidated
 
 
 def read_audit(path: Path) -> Conversion:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import get_args
 
 from ..analysis.answer.findings import off_placements, on_the_model
@@ -17,10 +16,10 @@ from ..analysis.observability.power import DetectionPower
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import Verdict
 from ..model.files.header import StatedRequirement
-from ..model.files.run import REFIT, in_no_file
 from ..model.instruments.registry import KINDS
 from .provenance import is_simulated
-from .wording import Namer, path_argument, person
+from .run_argument import run_argument
+from .wording import Namer, person
 
 _NEAR_MM = 50.0  # U of a target to which a plan can be aimed
 
@@ -183,12 +182,3 @@ class RunCase:
         rows = [each for each in self.parameters if each.group == "target" and each.name[:-2] == target]
         near = self.sound and all(each.std is not None and self.k * each.std <= _NEAR_MM for each in rows)
         return [round(each.estimate or 0.0) for each in rows] if rows and near else None
-
-
-def run_argument(name: str) -> str:
-    """The run's file for a command, or of a run in memory the one to write it to."""
-    if in_no_file(name):
-        path = Path(name)
-        made = f"{path.stem.removesuffix(REFIT)}-refit" if path.stem.endswith(REFIT) else path.name
-        name = path.with_name(f"{made}.jsonl").as_posix()
-    return path_argument(name, "RUN.jsonl")

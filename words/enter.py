@@ -4,6 +4,7 @@ the acceptance test of a corrected robot."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ..analysis.acceptance import (
     AIM,
@@ -17,16 +18,18 @@ from ..analysis.acceptance import (
     Mistake,
     MistakeKind,
 )
-from ..analysis.answer.result import Result
 from ..analysis.diagnostics.values_to_enter import Conformity, TcpError
 from ..analysis.status import NOT_DESCRIBED
 from ..analysis.tcp_region import TcpRegion
 from . import numbers
-from .case import run_argument
 from .controllers import links_command, taken_by
 from .numbers import percent
 from .outlook_words import region_first, region_words
+from .run_argument import run_argument
 from .wording import counted, joints, label, listed
+
+if TYPE_CHECKING:
+    from ..analysis.answer.result import Result
 
 WHY_THEY_DIFFER = (
     "The values are not the offsets of the arm: the controller computes with nominal links, so the values"

@@ -25,7 +25,7 @@ from ..model.files.run import LEFT_OUT, in_no_file, made_without
 from ..model.instruments.flange_tool import FlangeTool
 from ..model.likelihood.parameters import Unit
 from . import numbers
-from .case import RunCase, run_argument
+from .case import RunCase
 from .catalogue import RUN, SaidToEnterNothing
 from .controllers import lacks_factory_calibration, taken_by
 from .enter import (
@@ -40,6 +40,7 @@ from .geometry_words import tolerance_words
 from .observability import named_part, too_few_words
 from .plan_catalogue import plan_headline, plan_message
 from .provenance import is_simulated
+from .run_argument import run_argument
 from .trust import offsets_sentence, verdict_sentence
 from .wording import (
     NOT_DETERMINED,

@@ -22,14 +22,11 @@ from ...analysis.answer.result import RunInputs
 from ...analysis.covariance import Covariance
 from ...analysis.diagnostics.accuracy import place_uncertainty
 from ...analysis.diagnostics.values_to_enter import ValueToEnter, offsets_to_enter
-from ...analysis.ladder import solve_run
-from ...analysis.observability.changes import Displacement
 from ...analysis.prediction import PredictedRun, length_rows, predict_run, require_predictable, settled
-from ...analysis.recordings.steps import RecordingStep
-from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
+from ...analysis.solution import ParameterResult, ParameterTable, Solution
 from ...analysis.status import NOT_DESCRIBED, Status, known, versions
 from ...model.arrays import Matrix
-from ...model.errors import BadInput, FitFailed, located
+from ...model.errors import BadInput, located
 from ...model.files.header import UrdfRef
 from ...model.files.robot_file import robot_path
 from ...model.files.run import Run
@@ -42,10 +39,11 @@ from ...model.records import inline, internal, it, key, record
 from ...words.case import RunCase
 from ...words.catalogue import against
 from ...words.message import message_so_far
-from ...words.misfit_words import criterion_sentence, misfit_headline
+from ...words.misfit_words import criterion_sentence
 from ...words.observability import part_of, reason_of, size_of, stating
 from ...words.provenance import is_simulated
 from ...words.wording import listed
+from ..validated_solution import SEED, converged_solution, require_validated
 from .maker import Holds, one_line
 
 # What a file says of a parameter with an estimate.
@@ -227,7 +225,6 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
 
 
 OFFSETS_SCHEMA: Final = "zerobeam/offsets/1"
-SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 NO_ROBOT = "SIMULATED: no robot was measured, so that nothing here may be applied to one"
 MEANING = "true position = recorded position + offset"
 ONCE = (
@@ -240,12 +237,6 @@ ENTERED = (
 )
 _SHA_LINE = "sha256 of the run: "  # in the head of every file of a corrected robot
 _ROUNDED = 5e-7  # deg, mm: six decimals are written
-
-
-class NotValidated(BadInput):
-    """The model does not describe the run (verdict misfit): it is not written for a controller unasked."""
-
-    exit_status = 1
 
 
 @record(kw_only=True)
@@ -537,48 +528,6 @@ def _relative(corrected_before: str | None, holds: Holds) -> tuple[str, ...]:
     return (
         f"the robot file of the run ({corrected_before}) is a corrected arm already: these values are the"
         " remaining offsets of that arm, not those for a controller that computes with the nominal one",
-    )
-
-
-def converged_solution(run: Run, so: str) -> Solution:
-    """The solution of a run as `analyse` finds it; FitFailed, which says what follows (`so`), where the fit
-    did not converge."""
-    run.require_analysable()
-    problem = Problem.from_run(run)
-    require_noise_data(problem)
-    solution = solve_run(problem, run.header, seed=SEED)
-    if not solution.converged:
-        raise FitFailed(
-            f"{run.path}: the fit did not converge ({solution.fit.reason}): {so}\n"
-            "  to do:   look at the run with zerobeam analyse; record more measurements, in varied postures"
-        )
-    return solution
-
-
-def require_validated(solution: Solution, allow_displaced: bool = False) -> None:
-    """NotValidated where the model does not describe the measurements: then no status means anything.
-
-    Nothing but a target that seems to have moved may be allowed: an arm that deviates from its geometry can
-    look like that too, and no new run would mend it.
-    """
-    against = solution.contradictions
-    moved = [criterion_sentence(one) for one in against if isinstance(one, Displacement | RecordingStep)]
-    displaced = len(moved) == len(against)
-    if solution.misfit is None or (allow_displaced and displaced):
-        return
-    if displaced:
-        raise NotValidated(
-            "the measurements contradict the model, so no offset can be relied on (misfit)",
-            found="; ".join(moved),
-            remedy="give the target another name in the measurements after it was moved, or record again; or"
-            " --allow-displaced, if it was not moved: the file then says so",
-        )
-    raise NotValidated(
-        f"{NOT_DESCRIBED}, so no offset can be relied on (misfit)",
-        found=" ".join([misfit_headline(solution.misfit), *(f"{sentence}." for sentence in moved)]),
-        allowed="a run without a misfit; as data (json, csv) the offsets are written, marked unvalidated",
-        remedy="look for the cause with zerobeam report (joint columns, signs, zeros, units, a target or"
-        " placement, geometry); or --unvalidated, if you want the numbers all the same: the file says so",
     )
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput, NotWritten
@@ -22,8 +22,9 @@ from ...model.records import dumps
 from ...words.wording import Row, csv_text
 from ..style.blocks import Page
 from ..style.canvas import Picture
-from .html import PageKind, Turnable, html
-from .pdf import pdf
+
+if TYPE_CHECKING:
+    from .html import PageKind, Turnable
 
 # What file managers leave behind in any folder that was looked at.
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -241,6 +242,10 @@ def write_answer(folder: Path | str, kind: Kind, contents: FolderContents) -> Wr
 def write_files(folder: Path, kind: Kind, contents: FolderContents) -> list[str]:
     """Write all files of an answer into an empty folder; returns the names of the figures. The HTML of a
     report carries its answer."""
+    # What checks a folder, or prints a page, has no use for their libraries.
+    from .html import html
+    from .pdf import pdf
+
     page, answer = contents.page, dumps(contents.answer)
     pictures = {picture.name: picture for picture in contents.pictures if picture is not None}
     (folder / kind.mark).write_text(answer, encoding="utf-8")

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
-from ...words.case import run_argument
 from ...words.entries import MOST_CAUTIONS
 from ...words.geometry_words import worth_sentence
 from ...words.message import WHAT_ELSE, message, verdict_words
 from ...words.provenance import BAND, is_simulated, true_values
+from ...words.run_argument import run_argument
 from ...words.wording import counted, ended, joints, listed, sentence, shown
 from ..style.blocks import (
     Cell,

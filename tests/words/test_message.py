@@ -26,8 +26,9 @@ from zerobeam.analysis.observability.changes import Displacement
 from zerobeam.analysis.observability.geometry_result import bases
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, solve
-from zerobeam.experiments.makers.calibration import NotValidated, calibration
+from zerobeam.experiments.makers.calibration import calibration
 from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.experiments.validated_solution import NotValidated
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import Run, header_of_run, read_run
 from zerobeam.model.likelihood.problem import Problem

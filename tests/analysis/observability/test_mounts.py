@@ -12,9 +12,9 @@ from zerobeam.analysis.observability import check as module
 from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.analysis.observability.check import check, without_posture
 from zerobeam.analysis.observability.predictions import GUESSED, predicted_std
-from zerobeam.experiments.makers.calibration import converged_solution
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.experiments.validated_solution import converged_solution
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.words.observability import over_target_sentence

@@ -24,9 +24,9 @@ from zerobeam.experiments import converted_programs
 from zerobeam.experiments.command_options import BackupOptions, ReachOptions, ZeroOptions
 from zerobeam.experiments.converted_programs import kept_programs, reached_programs
 from zerobeam.experiments.makers import calibration
-from zerobeam.experiments.makers.calibration import NotValidated
 from zerobeam.experiments.positions import arm_change
 from zerobeam.experiments.positions.conversion import Conversion
+from zerobeam.experiments.validated_solution import NotValidated
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot

@@ -24,7 +24,7 @@ from zerobeam.reports.output.terminal import print_blocks, print_page, table_lin
 from zerobeam.reports.plan.check_page import check_page
 from zerobeam.reports.run.brief_page import brief_page, ended_page, side_by_side
 from zerobeam.reports.style.blocks import Cell, Commands, row_of, table_of
-from zerobeam.words.case import run_argument
+from zerobeam.words.run_argument import run_argument
 
 SHOWN = ("misfit", "unconverged", "separate", "geometry")
 
