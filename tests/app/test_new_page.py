@@ -54,11 +54,6 @@ def require_refused(tab: Tab, folder: Path, x: str, why: str) -> None:
     assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
 
 
-@pytest.mark.long
-def test_a_target_that_few_postures_reach_makes_nothing(folder: Path, tab: Tab) -> None:
-    require_refused(tab, folder, "5000", "too few postures")
-
-
 def test_what_is_wrong_makes_nothing_and_a_name_is_written_anew_and_taken(folder: Path, tab: Tab) -> None:
     """A refused number, a missing one, a target that cannot be reached, how the laser is mounted, a name that
     is taken."""
