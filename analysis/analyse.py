@@ -53,7 +53,7 @@ from .prediction import PredictedRun, predict_run, require_predictable
 from .repeatability.consistency import offsets_without_prior
 from .solution import ParameterTable, Solution, require_noise_data, undecided_names
 from .status import has_numbers, versions
-from .tcp_region import region_of
+from .tcp_region import judged_axis, region_of
 
 MOST_ESS = 1e5  # quantiles have three digits long before; the draws of more do not go into memory
 
@@ -222,7 +222,7 @@ def _analyse(
         entered=to_enter,
         entered_geometry=with_links,
         conformity=conformity,
-        region=region_of(problem.workspace),
+        region=region_of(problem.workspace, judged_axis(problem, solution.status)),
         power=solution.power,
         coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),

@@ -36,7 +36,8 @@ Corner = tuple[float, float, float]
 
 @record
 class TcpRegion:
-    """Over which postures the error of the TCP is stated; `name` names it in every sentence."""
+    """Over which postures the error of the TCP is stated, and of which point; `name` names both in every
+    sentence."""
 
     joints: Annotated[
         Literal["central", "full"] | None,
@@ -47,15 +48,23 @@ class TcpRegion:
     ] = None
     positions: Annotated[str | None, it("the name of the file of postures, or null")] = None
     postures: Annotated[int | None, it("how many postures that file has, or null")] = None
+    on_axis: Annotated[
+        int | None,
+        it(
+            "the last joint, where its offset is not determined and would move the tool's point: what is"
+            " stated is of the point of its axis nearest to that; else null"
+        ),
+    ] = None
     name: Annotated[str | None, worded("the region in words")] = None
 
 
-def region_of(workspace: StatedWorkspace) -> TcpRegion:
-    """The region that a header states."""
+def region_of(workspace: StatedWorkspace, on_axis: int | None = None) -> TcpRegion:
+    """The region that a header states; `on_axis` is the joint on whose axis the point is that is judged
+    (`judged_axis`)."""
     if workspace.positions is None:
-        return TcpRegion(workspace.joints, workspace.box_mm)
+        return TcpRegion(workspace.joints, workspace.box_mm, on_axis=on_axis)
     name = workspace.positions.replace("\\", "/").rpartition("/")[2]
-    return TcpRegion(None, None, name, len(workspace.postures_deg or ()))
+    return TcpRegion(None, None, name, len(workspace.postures_deg or ()), on_axis)
 
 
 def region_postures(problem: Problem, count: int) -> Matrix:
@@ -217,3 +226,8 @@ def default_point(problem: Problem, status: Sequence[Status]) -> tuple[Matrix, T
     if np.linalg.norm(foot - point) <= _ON_AXIS:
         return point, "tool"
     return foot, "last axis"
+
+
+def judged_axis(problem: Problem, status: Sequence[Status]) -> int | None:
+    """The last joint, where `default_point` is on its axis in place of the tool's point."""
+    return problem.robot.n if default_point(problem, status)[1] == "last axis" else None

@@ -234,6 +234,7 @@ def exit_status_of(analysis: Analysis) -> int:
         return FAULT
     failed = prediction_failed(analysis.result.findings) is not None
     failed |= not conforms(analysis.result.conformity)
+    failed |= analysis.run.header.required is not None and analysis.result.conformity is None
     return max(EXIT_STATUS[analysis.verdict], int(failed))
 
 

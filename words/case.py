@@ -9,7 +9,7 @@ from typing import get_args
 from ..analysis.answer.findings import off_placements, on_the_model
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation
-from ..analysis.diagnostics.values_to_enter import Conformity, judged
+from ..analysis.diagnostics.values_to_enter import Conformity, conforms, judged
 from ..analysis.misfit import Criterion, Misfit
 from ..analysis.observability.causes import Held, NullDirection, TooFewMeasurements
 from ..analysis.observability.power import DetectionPower
@@ -124,6 +124,13 @@ class RunCase:
     def conformity(self) -> Conformity | None:
         """Of a pass: whether the robot meets what it must."""
         return self.judged if self.verdict == "pass" else None
+
+    @property
+    def falls_short(self) -> bool:
+        """Of a pass: whether the robot does not meet what it must, or may not."""
+        if self.verdict != "pass" or "required" not in self.header:
+            return False
+        return self.conformity is None or not conforms(self.conformity)
 
     @property
     def provenance(self) -> Mapping[str, object]:

@@ -24,7 +24,6 @@ from ..analysis.answer.findings import (
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import BEYOND_TOLERANCES, Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
-from ..analysis.diagnostics.values_to_enter import conforms
 from ..analysis.misfit import (
     BeyondPrior,
     ExactDoubted,
@@ -371,8 +370,10 @@ def _import_calibration(nominal: object, case: RunCase) -> str:
 
 def _export(finding: object, case: RunCase) -> str:
     text = export_sentence(case.vendor)
-    if conforms(case.conformity):
+    if not case.falls_short:
         return text
+    if case.conformity is None:
+        return f"{text} Whether they are enough for the requirement cannot be said: do not release the robot."
     values = "values are" if taken_by(case.vendor) == "offsets" else "offsets alone are"
     return f"{text} The {values} not enough for the requirement: do not release the robot with them."
 
@@ -603,7 +604,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         "a requirement that may not be met",  # the verdict says it
         "note",
         colour="weak",
-        found=if_(lambda case: not conforms(case.conformity)),
+        found=if_(lambda case: case.falls_short),
     ),
     FindingEntry("the error to expect", "note", place="before the cause", found=_expected),
     FindingEntry("conditions of a pass", "note", holding("Holds"), place="cause", found=_conditions),

@@ -3,7 +3,7 @@ the acceptance test of a corrected robot."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ..analysis.acceptance import (
@@ -128,11 +128,17 @@ def conformity_sentence(result: Result) -> str:
     required = result.inputs.header.get("required")
     if not isinstance(required, dict):
         return NO_REQUIREMENT
-    required_mm = float(required["tcp_mm"])
+    axis = None if result.region is None else result.region.on_axis
+    why = "is not determined" if axis is None else f"turns with J{axis}, which is not known"
     return (
-        f"{_required(required_mm, result.region)} Whether the robot meets that cannot be said: the TCP is not"
-        " determined."
+        f"Required at the TCP: {required_words(required)} in 95 % of the postures. Whether the robot meets"
+        f" that cannot be said: the tool {why}."
     )
+
+
+def required_words(required: Mapping[str, object]) -> str:
+    """What a header's `required` states of the TCP."""
+    return numbers.exact(float(str(required["tcp_mm"])), "mm")
 
 
 _MET = {

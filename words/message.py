@@ -34,6 +34,7 @@ from .enter import (
     enter_sentence,
     links_step,
     met_words,
+    required_words,
 )
 from .entries import VERDICT_WORDS, graded, message_by, rows_of, said_word, sentences_of, worst_of
 from .geometry_words import tolerance_words
@@ -221,7 +222,12 @@ def _judged(case: RunCase) -> str:
     run = prediction_failed(case.findings)
     if run is not None and case.verdict == "pass":
         return f"{word} of this run alone, but it does not predict {clipped(shown(run), 60)}: enter nothing"
-    return word if case.conformity is None else f"{word}; {met_words(case.conformity)}"
+    if case.conformity is not None:
+        return f"{word}; {met_words(case.conformity)}"
+    required = case.header.get("required")
+    if case.falls_short and isinstance(required, Mapping):
+        return f"{word}; whether it meets the required {required_words(required)} cannot be said"
+    return word
 
 
 def _determined(case: RunCase) -> str:

@@ -20,6 +20,11 @@ def region_words(region: TcpRegion | None) -> str:
         return _EARLIER
     if region.name is not None:
         return region.name
+    at = f", on axis {region.on_axis} (J{region.on_axis} is not known)" if region.on_axis else ""
+    return f"{_postures_of(region)}{at}"
+
+
+def _postures_of(region: TcpRegion) -> str:
     if region.positions is not None:
         return f"over the {counted(region.postures or 0, 'posture')} of {shown(region.positions)}"
     ranges = {
@@ -39,11 +44,12 @@ def region_short(region: TcpRegion | None) -> str:
     """The same in the head of a column."""
     if region is None:
         return "workspace"
+    at = f", axis {region.on_axis}" if region.on_axis else ""
     if region.positions is not None:
-        return "own positions"
+        return f"own positions{at}"
     if region.box_mm is not None:
-        return "stated box"
-    return f"central {100 * CENTRAL:.0f} %" if region.joints != "full" else "full ranges"
+        return f"stated box{at}"
+    return f"central {100 * CENTRAL:.0f} %{at}" if region.joints != "full" else f"full ranges{at}"
 
 
 def region_first(region: TcpRegion | None) -> str:
@@ -220,6 +226,8 @@ class Reaching(NamedTuple):
 def within_reach(outlook: Outlook) -> Reaching | None:
     """What reaches what is required with the fewest measurements, by offsets alone before with the links
     entered too; None where nothing does."""
+    if outlook.region.on_axis is not None:
+        return None
     most = outlook.required_mm or 0.0
     every = (outlook.now, *outlook.remedies)  # of another instrument last
     rows = sorted(every, key=lambda row: (row.remedy == "points", row.shots, row.minutes))
@@ -233,9 +241,20 @@ def within_reach(outlook: Outlook) -> Reaching | None:
     return None
 
 
+def short_words(outlook: Outlook) -> str:
+    """That it falls short, in a few words."""
+    required = f"the required {numbers.exact(outlook.required_mm or 0.0, 'mm')}"
+    if outlook.region.on_axis is not None:
+        return f"whether it meets {required} cannot be said"
+    return f"predicted not to meet {required}"
+
+
 def short_sentence(outlook: Outlook) -> str:
     """By how much the answer as it is falls short of what is required."""
     now, required = outlook.now.tcp_95_mm or 0.0, outlook.required_mm or 0.0
+    axis = outlook.region.on_axis
+    if axis is not None:
+        return f"the tool turns with J{axis}, which is not known by this plan"
     return (
         f"as predicted the TCP is off by up to {numbers.significant(now, 2, 'mm')} in 95 % of the postures"
         f" {region_words(outlook.region)}, with the values entered: more than the required"
@@ -246,6 +265,8 @@ def short_sentence(outlook: Outlook) -> str:
 def required_remedy(outlook: Outlook) -> str:
     """What to do where it falls short, as an imperative without a full stop."""
     required = numbers.exact(outlook.required_mm or 0.0, "mm")
+    if (axis := outlook.region.on_axis) is not None:
+        return f"Do not measure by this plan for {required}: determine J{axis} as well"
     if (reaching := within_reach(outlook)) is not None:
         if reaching.row.remedy in ("none", "links"):
             return f"Have the links entered as well as the offsets: {required} is then within reach"

@@ -58,6 +58,7 @@ from .outlook_words import (
     plan_command,
     required_remedy,
     short_sentence,
+    short_words,
     within_reach,
 )
 from .trust import verdict_sentence
@@ -317,7 +318,7 @@ def plan_message(check: Check) -> Message:
 
     word = f"{VERDICT_WORDS[check.verdict]}{f'. {_broken(check)}' if check.violations else ''}"
     for outlook in _short_of_required(check) if check.verdict == "pass" else ():
-        word += f"; predicted not to meet the required {numbers.exact(outlook.required_mm or 0.0, 'mm')}"
+        word += f"; {short_words(outlook)}"
     rows = estimated(check)
     verdict = verdict_sentence(word, check.verdict, rows, COVERAGE)
     known_rows = [row for row in rows if row.status != "assumed"]

@@ -304,7 +304,7 @@ class TcpAccuracy:
         Grid | None,
         it(
             "a matrix S, a row and a column for each joint: errors d of the offsets (in their units) "
-            "move the TCP by √(d′ S d) mm, root mean square over the region; null where no "
+            "move the tool's stated point by √(d′ S d) mm, root mean square over the region; null where no "
             "accuracy is claimed"
         ),
     ] = None
@@ -336,7 +336,6 @@ def accuracy(
     near_these = within_limits(problem.robot, spread_postures(*recorded_limits, _POSTURES // 4))
     joints = np.concatenate([region, near_these, problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
-    by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
     names = parameters.names[offsets]
     enters = moving_offsets(problem, jacobian)
     undetermined = np.flatnonzero(moving_by_nominal(problem, point, joints) & open_offsets)
@@ -350,7 +349,11 @@ def accuracy(
         workspace, near_shots = _region(levels[:, whole]), _region(levels[:, near])
         laws = [law.of(whole) for law in laws]
         maps = _maps(problem, position[whole], position[near.stop :], levels[:, whole], laws)
-        shown = by_offset[:, :, whole] / parameters.display[offsets][:, None]
+        # Of the tool's own point, for which an offset that is not determined counts.
+        at_tool = jacobian[whole]
+        if location == "last axis":
+            at_tool = tool_point(problem, fit.x, problem.tool.point, region)[1]
+        shown = at_tool.transpose(1, 2, 0)[:, offsets] / parameters.display[offsets][:, None]
         sensitivity = tuple(
             map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / len(region)).tolist())
         )

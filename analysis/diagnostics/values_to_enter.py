@@ -41,6 +41,7 @@ from ..tcp_region import (
     arms_at_random,
     default_point,
     fitted_points,
+    judged_axis,
     moving_by_nominal,
     normal_inverse,
     region_postures,
@@ -181,7 +182,8 @@ def entered(
     and whether the robot with the first meets what is required.
 
     All None where an offset is not determined, or the model does not describe the measurements: nothing can
-    be promised then.
+    be promised then. The last of them, too, where the tool's point is anywhere on a circle about the last
+    axis, since that offset is not determined.
     """
     if solution.verdict in ("misfit", "degenerate"):
         return None, None, None
@@ -195,6 +197,7 @@ def entered(
         nominal = Entered("nominal", values, u, None, None, status=_statuses(solution, u))
         return nominal, whole and Entered("geometry", *whole, None, None), None
     problem = solution.problem
+    on_axis = judged_axis(problem, solution.status) is not None  # then it is not the tool that is judged
     as_it_is = spread.errors(np.zeros(problem.parameters.arm.stop))
     before = _tcp_error(as_it_is)
     after = spread.errors(controller_arm(problem, values))
@@ -208,7 +211,7 @@ def entered(
     return (
         Entered("nominal", values, u, before, _tcp_error(after), best, worse, status),
         with_links,
-        None if required is None else _conformity(after, required.tcp_mm),
+        None if required is None or on_axis else _conformity(after, required.tcp_mm),
     )
 
 

@@ -31,7 +31,7 @@ from ...model.likelihood.problem import Problem
 from ...model.options import USUAL_REPEATS
 from ...model.records import it, key, record
 from ..status import Status, known
-from ..tcp_region import TcpRegion, beside_first_axis, region_of
+from ..tcp_region import TcpRegion, beside_first_axis, judged_axis, region_of
 from .better_postures import PostureSearch
 from .changes import repeated
 from .predictions import ArmBelief, EstimatesOfArms, TcpForecast, roots_with_ties
@@ -216,21 +216,24 @@ class Outlook:
     @property
     @key(
         "whether a remedy, or the answer as it is, meets what is required; null where nothing is, or no"
-        " TCP error is predicted"
+        " TCP error is predicted, or not that of the tool's point"
     )
     def reachable(self) -> bool | None:
         """By the error that 95 % stay below, with the links entered or without."""
         errors = [each for row in (self.now, *self.remedies) for each in (row.tcp_95_mm, row.links_95_mm)]
         known_errors = [error for error in errors if error is not None]
-        if self.required_mm is None or not known_errors:
+        if self.required_mm is None or self.region.on_axis is not None or not known_errors:
             return None
         return min(known_errors) <= self.required_mm
 
     @property
     def falls_short(self) -> bool:
-        """Whether the answer as it is does not meet what is required, as predicted."""
+        """Whether the answer as it is does not meet what is required, as predicted, or that cannot be said of
+        the tool's point."""
         now = self.now.tcp_95_mm
-        return self.required_mm is not None and now is not None and now > self.required_mm
+        if self.required_mm is None or now is None:
+            return False
+        return self.region.on_axis is not None or now > self.required_mm
 
     @property
     def by_postures(self) -> tuple[OutlookRow, ...]:
@@ -317,14 +320,14 @@ class Prospect:
         rows += [*self.by_mounting(), *self.by_links()]
         rows = [row for row in rows if row.gain > 0]
         rows.sort(key=lambda row: (_LAST.get(row.remedy, 0), -round(row.gain, 2), row.minutes))
-        required = self.header.required
+        required, on_axis = self.header.required, judged_axis(self.problem, self.status)
         u_mm = None
         if now.tcp_95_mm is not None:
             u_mm = float(np.sqrt(np.trace(self.covariance @ self.forecast.mean_square)))
         return Outlook(
             now=now,
             remedies=tuple(rows),
-            region=region_of(self.problem.workspace),
+            region=region_of(self.problem.workspace, on_axis),
             minutes_each=self.each,
             measured=self.minutes_each is not None,
             required_mm=None if required is None else required.tcp_mm,

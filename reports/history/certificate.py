@@ -35,7 +35,7 @@ from ...model.errors import BadInput
 from ...model.records import dumps, it, keys, read, record, to_json
 from ...words import numbers
 from ...words.controllers import taken_by
-from ...words.enter import ACCEPTANCE_WORDS, RULE
+from ...words.enter import ACCEPTANCE_WORDS, RULE, conformity_sentence
 from ...words.entries import VERDICT_WORDS, said_word
 from ...words.finding_words import small_residuals
 from ...words.geometry_words import factors_sentence, tolerances_words
@@ -350,7 +350,9 @@ def _traceability(certificate: Certificate) -> str:
 
 def _rules(certificate: Certificate) -> Iterator[str]:
     conformity, left = certificate.result.conformity, certificate.as_left
-    if conformity is None:
+    if conformity is None and "required" in certificate.result.inputs.header:
+        yield conformity_sentence(certificate.result)
+    elif conformity is None:
         yield "No requirement was stated: no statement of conformity is made."
     else:
         required, probability = conformity.required_mm, numbers.p_value(conformity.probability)

@@ -259,11 +259,12 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     if kind == "check":
         prepare(TEXTS["docs/files.md"], folder)
         return [command_line("check", folder / "x-pattern.yaml", "--json").json]
-    header, *shots = cube_run(folder / "cube.jsonl").read_text(encoding="utf-8").splitlines()
+    cube, good = cube_run(folder / "cube.jsonl"), folder / "good.jsonl"
+    header, *shots = (ROOT / "experiments/demos/good.jsonl").read_text(encoding="utf-8").splitlines()
     required = json.dumps({**json.loads(header), "required": {"tcp_mm": 1.0}})
-    (folder / "cube.jsonl").write_text("\n".join([required, *shots]), encoding="utf-8")
-    cube = command_line("analyse", folder / "cube.jsonl", "--ess", 100, "--json").json
-    return [cube, *(json.loads(dumps(to_json(result))) for result in EXAMPLES.values())]
+    good.write_text("\n".join([required, *shots]), encoding="utf-8")
+    runs = [command_line("analyse", run, "--ess", 100, "--json").json for run in (cube, good)]
+    return [*runs, *(json.loads(dumps(to_json(result))) for result in EXAMPLES.values())]
 
 
 @pytest.mark.parametrize("name", SCHEMA_NAMES)

@@ -28,7 +28,7 @@ from zerobeam.analysis.diagnostics.accuracy import (
 )
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
-from zerobeam.analysis.tcp_region import region_postures
+from zerobeam.analysis.tcp_region import judged_axis, region_postures
 from zerobeam.model.kinematics.dh import DHRow, dh_chain
 from zerobeam.model.kinematics.pendant import spread_postures
 from zerobeam.model.kinematics.robot import Joint, Robot
@@ -247,12 +247,16 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     assert "axis of joint 6 nearest to the stated point of the tool, as delta6" in tcp_words(answer)
     covariance[5, 5] = 1.0
     assert accuracy(by_hand(irb1600(), tool, delta, covariance, {5: last})) == answer
+    # What the offsets do to the tool's own point: that of joint 6 is a part of it.
+    assert np.sqrt(answer.sensitivity_mm2[5][5]) == pytest.approx(np.radians(np.hypot(*ASIDE[:2])), rel=1e-6)
+    assert judged_axis(made.problem, made.status) == 6
     asked = accuracy(made, np.array(ASIDE))
     assert asked.point_mm == tuple(ASIDE)
     assert (asked.workspace, asked.undetermined) == (None, ("delta6",))
     # With an offset that is known the point is the tool's own.
     answer = accuracy(by_hand(irb1600(), tool, delta, covariance))
     assert (answer.point_mm, tcp_words(answer)) == (tuple(ASIDE), "the stated point of the tool")
+    assert judged_axis(made.problem, by_hand(irb1600(), tool, delta, covariance).status) is None
 
 
 def test_maps_hold_every_posture_and_their_worst_is_the_workspaces():
