@@ -18,6 +18,7 @@ from ...analysis.drift.instrument_biases import change_at
 from ...analysis.drift.smoother import Observation, series_of
 from ...analysis.row import ParameterRow
 from ...analysis.status import NOT_DESCRIBED, Verdict, has_numbers
+from ...analysis.tcp_region import NO_EFFECT
 from ...model.records import if_any, inline, internal, it, key, or_null, record, worded
 from ...words.provenance import NOTHING_MEASURED
 from .stored_result import Event, Moment, StoredResult, last_of
@@ -289,6 +290,13 @@ def _due(drift: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetim
     unknown = [name for i, name in enumerate(names) if matrix[i, i] > 0 and name not in drift.series.names]
     if unknown:
         return None, f"the TCP depends on offsets that no result determines: {', '.join(unknown)}"
+    assumed = [
+        row.name
+        for i, row in enumerate(last.offsets)
+        if row.status == "assumed" and matrix[i, i] > NO_EFFECT**2
+    ]
+    if assumed:
+        return None, f"the TCP depends on offsets that rest on what is assumed: {', '.join(assumed)}"
     lost = [
         name
         for name, is_known in zip(drift.series.names, drift.series.determined[-1], strict=True)
