@@ -128,9 +128,9 @@ class RunCase:
     @property
     def falls_short(self) -> bool:
         """Of a pass: whether the robot does not meet what it must, or may not."""
-        if self.verdict != "pass" or "required" not in self.header:
-            return False
-        return self.conformity is None or not conforms(self.conformity)
+        if self.verdict != "pass" or self.conformity is not None:
+            return not conforms(self.conformity)
+        return "required" in self.header
 
     @property
     def provenance(self) -> Mapping[str, object]:

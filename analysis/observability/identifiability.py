@@ -62,6 +62,7 @@ _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to withi
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _RESTS = 2.0  # times the std without what is known of tool and frames: then three quarters are known by it
+_ALONE = 10.0  # times that std: then all but a hundredth is
 _PART_OF_IT = 0.1  # of the largest term of a direction: an offset that has as much is named
 _SHIFTED: tuple[Group, ...] = ("target", "frame", "tool")
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
@@ -311,7 +312,8 @@ def _taken_as_known(
     (p,) is with all that is known.
 
     A weak one rests on it only where no number of measurements would do without: else it is weak by the plan,
-    and stays weak. Those are the second ones, with what is assumed.
+    and stays weak. Those are the second ones, with what is assumed. The last offset and the tool turn
+    together: an arm that deviates breaks that a little, which is no knowledge of the offset.
     """
     items = problem.parameters.items
     offsets = [i for i, item in enumerate(items) if item.group == "offset" and known(status[i])]
@@ -323,8 +325,10 @@ def _taken_as_known(
     without = resting if not by_header else {}
     if resting and by_header and assumed:
         without = _lost(problem, x, weight, list(resting), data_std, keep_stated=True)
+    last = problem.parameters.block("offset").stop - 1
+    most = [_ALONE * data_std[i] if i == last else np.finfo(float).max for i in range(last + 1)]
     by_plan, weak_on = (
-        {i for i, std in lost.items() if status[i] == "weak" and np.isfinite(std)}
+        {i for i, std in lost.items() if status[i] == "weak" and std <= most[i]}
         for lost in (resting, without)
     )
     rests_on = {

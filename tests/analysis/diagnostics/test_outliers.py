@@ -227,3 +227,19 @@ def test_one_step_is_as_good_as_a_fit_for_what_a_tracker_read():
     change = np.abs(exact.leave_one_out - np.linalg.norm(fit.whitened.residual_mm, axis=1)).max()
     np.testing.assert_allclose(step.leave_one_out, exact.leave_one_out, atol=5e-3 * change)
     np.testing.assert_allclose(step.cooks, exact.cooks, atol=5e-3 * exact.cooks.max())
+
+
+@pytest.mark.parametrize("loss", ["huber", "student"])
+@pytest.mark.parametrize("size", [0.4, 1.2, 3.0, 9.0])
+def test_the_slope_of_a_pull_is_its_derivative(loss, size):
+    """The pull of a residual m is w(|m|) m: by central differences, inside and outside the tuning."""
+    m, step, d, tuning = size * np.array([0.6, -0.8]), 1e-6, np.array([2.0]), 2.5
+
+    def pull(m):
+        return module._weights(np.array([np.linalg.norm(m)]), d, loss, tuning)[0] * m
+
+    expected = [(pull(m + step * e) - pull(m - step * e)) / (2 * step) for e in np.eye(2)]
+    length = np.array([size])
+    slope = module._weight_slope(length, d, loss, tuning)[0] * np.outer(m, m)
+    slope += module._weights(length, d, loss, tuning)[0] * np.eye(2)
+    np.testing.assert_allclose(slope, expected, atol=1e-8)

@@ -177,6 +177,20 @@ def test_what_only_the_default_of_a_tool_identifies(
     assert all(one.stated for one in rests_on["delta6"])
 
 
+def test_a_weak_last_offset_is_assumed_by_plan_and_run_alike() -> None:
+    """A deviating arm breaks the gauge of joint 6 and the dial's tip a little: 0.7° by the tip, 51° without.
+    It was assumed in the plan, which passed, and weak in its run."""
+    arm = recorded(CELLS["dial"], 24, np.random.default_rng(3), exact=False, joint_deg=0.01)
+    own = CELLS["dial"].header(geometry=None, joint_deg=0.01)
+    problem = Problem.of_measured(own, irb1600(), arm.joints, arm.measured)
+    for x in (problem.nominal(), solve(problem).fit.x):
+        answer = identify(problem, x)
+        assert answer.status[problem.parameters.index("delta6")] == "assumed"
+        assert answer.still_weak == {"delta6"}
+        # Negative control: the others are known by the measurements, whatever the tip is.
+        assert (set(answer.rests_on), set(answer.weak_on)) == ({"delta6"}, set())
+
+
 def test_what_only_a_known_frame_identifies() -> None:
     """Nobody states how well the frame of a tracker is known. Its reflectors are stated, to 0.05 mm."""
     status, rests_on = judged("tracker, frame known")

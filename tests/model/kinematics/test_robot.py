@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import load_robot, read_robot, rebased
-from zerobeam.model.kinematics.robot import axis_rotation
+from zerobeam.model.kinematics.dh import along_z
+from zerobeam.model.kinematics.robot import axis_rotation, onto_z, rotations
 
 HERE = Path()
 
@@ -352,3 +353,32 @@ def test_the_unit_is_stated() -> None:
         np.testing.assert_allclose(
             ask(np.full(6, 90.0), "deg"), ask(np.full(6, np.pi / 2), unit="rad"), atol=1e-9
         )
+
+
+@pytest.mark.parametrize(
+    "axis", [[0, 0, 1], [0, 0, -1], [1, 0, 0], [0, -1, 0], [0.48, 0.6, 0.64], [0.36, -0.48, -0.8]]
+)
+def test_a_rotation_takes_z_onto_an_axis(axis):
+    turn = onto_z(np.array(axis, dtype=float))
+    np.testing.assert_allclose(turn[:3, 2], axis, atol=1e-12)
+    np.testing.assert_allclose(turn @ turn.T, np.eye(4), atol=1e-12)
+    assert np.linalg.det(turn[:3, :3]) == pytest.approx(1)
+    # The shortest one: about an axis across both.
+    assert np.trace(turn[:3, :3]) == pytest.approx(1 + 2 * axis[2])
+
+
+def test_rotations_about_an_axis_are_rodrigues():
+    axis, angles = np.array([0.48, 0.6, 0.64]), np.array([[0.3, -2.0], [np.pi, 0.0]])
+    expected = Rotation.from_rotvec(angles.reshape(-1, 1) * axis).as_matrix().reshape(2, 2, 3, 3)
+    np.testing.assert_allclose(rotations(axis, angles), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["irb1600", "ur10e", "panda"])
+def test_a_robot_along_z_is_the_same_robot(name):
+    robot = load_robot(name)
+    joints = np.random.default_rng(1).uniform(-1, 1, size=(5, robot.n))
+    other = along_z(robot)
+    assert all((joint.axis == [0, 0, 1]).all() for joint in other.joints)
+    np.testing.assert_allclose(
+        other.pose_and_jacobian(joints)[0], robot.pose_and_jacobian(joints)[0], atol=1e-9
+    )
