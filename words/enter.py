@@ -189,8 +189,8 @@ def _decided(conformity: Conformity, corrected: str, region: TcpRegion | None) -
 
 
 def _probability(p: float) -> str:
-    if p in (0.0, 1.0):
-        return f"a probability {'below 1' if p == 0 else 'above 99'} %"
+    if not 0.01 <= p <= 0.99:
+        return f"a probability {'below 1' if p < 0.01 else 'above 99'} %"
     return f"a probability of {100 * p:.0f} %"
 
 

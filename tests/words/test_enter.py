@@ -149,6 +149,13 @@ def test_conformity_is_said_with_its_rule(
     assert "3 %" in sentence
 
 
+@pytest.mark.parametrize(("p", "words"), [(1.0, "above 99 %"), (0.995, "above 99 %"), (0.004, "below 1 %")])
+def test_a_probability_is_never_said_to_be_certain(p: float, words: str) -> None:
+    """It was "100 %" of 199 drawn arms in 200."""
+    judged = Conformity(0.5, 0.62, p, "conforms" if p > 0.5 else "does not conform")
+    assert f"a probability {words}" in conformity_sentence(replace(values(), conformity=judged))
+
+
 def test_without_a_requirement_nothing_is_called_accurate_enough() -> None:
     assert conformity_sentence(values()) == NO_REQUIREMENT
     assert NO_REQUIREMENT in " ".join(step.text for step in next_steps(values(), message(values())).steps)
