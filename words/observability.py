@@ -49,6 +49,9 @@ _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
     " (section 3.3 of the paper)"
 )
+_BASE_SHIFT = (
+    "joint 1 defines the base frame: a shift along its axis together with every target changes no measurement"
+)
 _CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
 _PLAN_MORE = "plan more measurements"
@@ -84,8 +87,8 @@ def reason_of(row: JudgedRow) -> str | None:
 def reason(cause: Cause, name: Namer = str) -> str:
     """Why, as what can follow a colon; `name` writes names of parameters and targets."""
     match cause:
-        case Held(by="base frame") | BaseFrame():
-            return _BASE_FRAME
+        case Held(by="base frame", prismatic=slides) | BaseFrame(prismatic=slides):
+            return _BASE_SHIFT if slides else _BASE_FRAME
         case Held(by="tool rotation"):
             return _TOOL_ROTATION
         case ToolRotation(tool, joint, known_to):

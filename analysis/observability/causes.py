@@ -22,9 +22,11 @@ MOST = 0.5  # of a variance that tolerances set: they are its reason
 
 @dataclass(frozen=True)
 class Held:
-    """Not estimated: `by` the method's choice (base frame, tool rotation), or by the header."""
+    """Not estimated: `by` the method's choice (base frame, tool rotation), or by the header. `prismatic`: the
+    joint that defines the base frame is."""
 
     by: HeldBy
+    prismatic: bool = False
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,9 @@ class TargetUnseen:
 
 @dataclass(frozen=True)
 class BaseFrame:
-    """Joint 1 defines the base frame (section 3.3 of the paper)."""
+    """Joint 1 defines the base frame (section 3.3 of the paper, of a joint that is not `prismatic`)."""
+
+    prismatic: bool = False
 
 
 @dataclass(frozen=True)
@@ -372,7 +376,7 @@ def cause_for(
     `tolerance_share` (0 to 1) is the part of its variance that the tolerances set.
     """
     if item.held_by is not None:
-        return Held(item.held_by)
+        return Held(item.held_by, prismatic=item.held_by == "base frame" and item.unit == "mm")
     if item.tolerated and status == "unidentifiable":
         return ToleranceOnly()
     if status == "unvalidated":

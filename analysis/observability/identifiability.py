@@ -91,7 +91,7 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         yield Mechanism(only, TargetUnseen(name, int((problem.target_index == which).sum())))
     # Without its own offset among the unknowns a mechanism would explain what others do.
     if free[0]:
-        yield Mechanism(offset(0) | targets, BaseFrame())
+        yield Mechanism(offset(0) | targets, BaseFrame(prismatic=parameters.items[0].unit == "mm"))
     if problem.noise.separate:
         yield Mechanism(parameters.group("noise"), NoiseSplit())
     for each in problem.tool.each:

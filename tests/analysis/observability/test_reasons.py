@@ -30,6 +30,7 @@ from zerobeam.analysis.observability.causes import (
     BaseFrame,
     Cause,
     CommonMotion,
+    Held,
     LocalOptima,
     NoiseSplit,
     OnAxis,
@@ -235,6 +236,19 @@ def test_noise_that_the_scatter_does_not_separate() -> None:
         assert len(directions) == 1, arm
         assert set(directions[0].combination) == {"noise.joint", "noise.spot"}
         assert problem.noise.separate
+
+
+def test_a_slide_that_defines_the_base_frame() -> None:
+    """A shift along its axis is free, whether the slide is held for that or not."""
+    robot = random_robot("prrrr", 8)
+    postures = np.random.default_rng(2).uniform(-0.5, 0.5, (16, 5)) * np.where(robot.display > 1, 1, 200.0)
+    for held in (None, []):
+        own = header(PROBE, target=(300.0, 0.0, 0.0), noise={"joint_mm": 0.02}, held=held)
+        problem, identified = judged(plan_of(own, postures, robot=robot))
+        cause = cause_of(problem, identified, "delta1")
+        assert cause == (BaseFrame(prismatic=True) if held == [] else Held("base frame", prismatic=True))
+        assert "a shift along its axis together with every target" in reason(cause)
+        assert "paper" not in reason(cause)
 
 
 def test_a_tool_that_does_not_rotate() -> None:

@@ -144,5 +144,8 @@ def test_what_the_factory_has_corrected_is_not_corrected_twice(tmp_path: Path) -
     with pytest.raises(BadInput, match="corrected twice") as refused:
         require_factory_arm(run.header.robot, tmp_path)
     assert refused.value.found == "robot: ur3e"
-    assert "import ur-calibration" in (refused.value.remedy or "")
+    assert "import ur-calibration calibration.conf --robot ur3e -o" in (refused.value.remedy or "")
+    with pytest.raises(BadInput) as refused:
+        require_factory_arm("another.yaml", tmp_path)
+    assert "--robot MODEL -o arm.yaml" in (refused.value.remedy or "")
     require_factory_arm("mine.yaml", tmp_path)
