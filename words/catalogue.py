@@ -58,6 +58,7 @@ from .entries import (
     holding,
     if_,
     open_directions,
+    rows_of,
     some,
     why_each,
     why_open,
@@ -100,6 +101,11 @@ def against(findings: Iterable[object]) -> FindingRow | None:
     return next(
         (FindingRow(entry, one) for entry in stops for one in every if type(one) is entry.finding), None
     )
+
+
+def open_rows(case: RunCase) -> list[FindingRow]:
+    """Of offsets that the measurements do not determine, or only weakly: the gravest first."""
+    return [row for row in rows_of(case, RUN) if isinstance(row.finding, Open)]
 
 
 # Of the model

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -37,7 +37,7 @@ from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
 from ...model.records import inline, internal, it, key, record
 from ...words.case import RunCase
-from ...words.catalogue import against
+from ...words.catalogue import against, open_rows
 from ...words.message import message_so_far
 from ...words.misfit_words import criterion_sentence
 from ...words.observability import part_of, reason_of, size_of, stating
@@ -431,7 +431,8 @@ def calibration(
             )
             for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
         ]
-        _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
+        case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
+        _require_known(offsets, case, allow_weak, nothing_applied=as_data and solution.misfit is not None)
         if not allow_assumed:
             _require_weak_by_plan(offsets, solution.identified.weak_on)
         geometry = tuple(
@@ -563,7 +564,9 @@ def _check_without(without: Sequence[str], items: Sequence[ParameterResult]) -> 
             )
 
 
-def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_applied: bool) -> None:
+def _require_known(
+    offsets: Sequence[JointOffset], case: RunCase, allow_weak: bool, nothing_applied: bool
+) -> None:
     def named(status: Status) -> list[JointOffset]:
         return [offset for offset in offsets if offset.status == status and not offset.left_out]
 
@@ -573,7 +576,7 @@ def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_app
             f"{listed([offset.name for offset in unknown])} cannot be exported: the data do not determine it",
             found="; ".join(f"{offset.name}: {offset.reason}" for offset in unknown),
             allowed="identified offsets, and weak ones with --allow-weak",
-            remedy=f"record measurements that determine it, or exclude by name: {_leaving_out(unknown)}",
+            remedy=f"{_to_determine(unknown, case)}; or exclude by name: {_leaving_out(unknown)}",
         )
     if weak and not allow_weak:
         raise BadInput(
@@ -583,7 +586,7 @@ def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_app
                 for offset in weak
             ),
             allowed="identified offsets, and weak ones with --allow-weak",
-            remedy=f"record more measurements; or --allow-weak; or exclude by name: {_leaving_out(weak)}",
+            remedy=f"{_to_determine(weak, case)}; or --allow-weak; or exclude by name: {_leaving_out(weak)}",
         )
     if not (nothing_applied or any(offset.exported for offset in offsets)):
         raise BadInput(
@@ -593,6 +596,13 @@ def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_app
             if named("assumed")
             else None,
         )
+
+
+def _to_determine(offsets: Sequence[JointOffset], case: RunCase) -> str:
+    """What the run's message says of offsets that the measurements leave open."""
+    rows = open_rows(replace(case, parameters=[offset.row for offset in offsets]))
+    action = rows[0].action(case) if rows else None
+    return "record other measurements" if action is None else action.text.removesuffix(".")
 
 
 def _require_weak_by_plan(

@@ -95,8 +95,8 @@ def require_factory_arm(ref: str | UrdfRef, folder: Path) -> None:
         found=f"robot: {stated}",
         allowed="the robot file that zerobeam import ur-calibration makes, for a run too",
         remedy=f"zerobeam import ur-calibration calibration.conf --robot {model} -o arm.yaml"
-        f" (calibration.conf of the controller; {model}: the arm's model); name arm.yaml as robot, or in a copy"
-        " of the run",
+        f" (calibration.conf of the controller; {model}: the arm's model); name arm.yaml as robot, or in a"
+        " copy of the run",
     )
 
 

@@ -24,6 +24,7 @@ from export_runs import STATED, TRUTH, arm_run, hostile
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
 from zerobeam.analysis.posterior.posterior import PosteriorSummary
+from zerobeam.analysis.solution import solve
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.calibration import NO_ROBOT, calibration
 from zerobeam.experiments.makers.maker import one_line
@@ -32,7 +33,8 @@ from zerobeam.model.files.header import Header, header_content
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.files.shot import Shot
-from zerobeam.words.message import message
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.message import message, message_so_far
 
 Refused = Callable[..., BadInput]
 
@@ -80,11 +82,18 @@ def test_held_ones_are_said_to_be_held_at_zero() -> None:
     assert "equivalent to one of the uncalibrated tool" in last.sentence
 
 
+def said_of(run: Run) -> str:
+    """What is to be done by the run's message."""
+    return message_so_far(solve(Problem.from_run(run)), run.path.name, run.header).action.text.removesuffix(
+        "."
+    )
+
+
 def test_an_unidentifiable_one_is_refused_by_name_with_its_reason(refused: Refused) -> None:
     error = refused(calibration, x_pattern(), allow_weak=True)
     assert error.what.startswith("delta2 cannot be exported")
     assert "joint 1 varies by only" in str(error.found)
-    assert error.remedy.endswith("--without delta2")
+    assert error.remedy == f"{said_of(x_pattern())}; or exclude by name: --without delta2"
     told = calibration(x_pattern(), allow_weak=True, without=["delta2"])
     second = told.offsets[1]
     assert (second.row.estimate, second.row.std, second.applied, second.exported) == (None, None, 0.0, False)
@@ -94,7 +103,10 @@ def test_an_unidentifiable_one_is_refused_by_name_with_its_reason(refused: Refus
 def test_a_weak_one_asks_to_be_allowed_and_is_marked(refused: Refused) -> None:
     error = refused(calibration, x_pattern(), without=["delta2"])
     assert "delta3" in error.what
-    assert "--allow-weak" in error.remedy
+    # What to do is of the offsets that are left: more of the same measurements would not do.
+    assert error.remedy.startswith("Enter nothing yet: ")
+    assert error.remedy.endswith("; or --allow-weak; or exclude by name: --without delta3")
+    assert "record more measurements" not in error.remedy
     allowed = {o.name: o for o in calibration(x_pattern(), allow_weak=True, without=["delta2"]).offsets}
     assert allowed["delta3"].applied == allowed["delta3"].row.estimate != 0
     assert "WEAK" in allowed["delta3"].sentence
