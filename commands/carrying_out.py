@@ -48,6 +48,7 @@ def run(
     from ..model.files.plan import read_plan
     from ..reports.output.live_view import led_view, live_view
     from ..reports.run.brief_page import ended_page
+    from ..words.message import contradicted
 
     planned = read_plan(plan)
     with ExitStack() as opened:
@@ -109,7 +110,8 @@ def run(
     if answer.missing and not json_lines:
         _say_how_to_go_on(plan, file, options)
     done = 0 if answer.verifies else EXIT_STATUS[answer.verdict]  # a test is judged by zerobeam verify
-    raise typer.Exit(1 if answer.missing or not answer.conforms else done)
+    failed = answer.missing or not answer.conforms or contradicted(answer.verdict, answer.message)
+    raise typer.Exit(1 if failed else done)
 
 
 def _say_how_to_go_on(plan: Path, file: Path, options: RunOptions) -> None:

@@ -78,6 +78,7 @@ class BatchRow:
     ] = None
     offsets: Annotated[tuple[BatchOffset, ...], it("rows of its offsets")] = ()
     simulated: Annotated[bool, it("whether its provenance says that it was simulated")] = False
+    contradicted: Annotated[bool, it("whether it is a pass by which nothing is to be entered")] = False
 
     def __post_init__(self) -> None:
         if self.outcome == "failed" and self.offsets:

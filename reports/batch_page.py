@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import io
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence, Sized
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
@@ -45,6 +46,7 @@ _MOST_NAMED = 200
 _LONGEST_NAME, _LONGEST_MESSAGE = 40, 240
 _NO_NUMBER = "—"
 _WORDS: dict[str, str] = {"failed": "Failed", **{str(key): word for key, word in VERDICT_WORDS.items()}}
+_CONTRADICTED = "Nothing to enter"
 _MARK = {"failed": "", **VERDICT_MARKS}
 _CRITERIA = {
     "chi2": "residuals",
@@ -70,9 +72,9 @@ def batch_page(done: Batch) -> Page:
     if simulated := sum(row.simulated for row in done.rows if row.outcome == "pass"):
         sentence += f" ({simulated:,} simulated)"
     others = [
-        f"{done.counts[outcome]:,} {_WORDS[outcome].lower()}"
-        for outcome in OUTCOMES[:-1]
-        if done.counts[outcome]
+        f"{number:,} {'with ' if kind.contradicted else ''}{_word(kind).lower()}"
+        for kind, number in _counted(done).items()
+        if kind.outcome != "pass"
     ]
     return Page(
         "Batch of runs",
@@ -83,6 +85,7 @@ def batch_page(done: Batch) -> Page:
             section_of("Outcomes", _outcomes(done), brief=True),
             *_failures(done),
             *_misfits(done),
+            *_contradicted(done),
             section_of("Outlying arms", *_outliers(done)),
             section_of(
                 "Uncertainty",
@@ -111,14 +114,38 @@ def _notes(done: Batch) -> Iterator[str]:
         )
 
 
+class _ShownOutcome(NamedTuple):
+    """An outcome as the page counts it: passes by which nothing is to be entered by themselves."""
+
+    outcome: Outcome
+    contradicted: bool
+
+
+def _kind(row: BatchRow) -> _ShownOutcome:
+    return _ShownOutcome(row.outcome, row.contradicted)
+
+
+def _word(kind: _ShownOutcome) -> str:
+    return _CONTRADICTED if kind.contradicted else _WORDS[kind.outcome]
+
+
+def _counted(done: Batch) -> dict[_ShownOutcome, int]:
+    """How many runs are of each kind, the gravest first; without those of which there are none."""
+    numbers_of = Counter(map(_kind, done.rows))
+    return {kind: numbers_of[kind] for kind in sorted(numbers_of, key=_gravity)}
+
+
+def _gravity(kind: _ShownOutcome) -> tuple[int, bool]:
+    return OUTCOMES.index(kind.outcome), kind.contradicted
+
+
 def _outcomes(done: Batch) -> Table:
-    columns: Columns[tuple[Outcome, int]] = {
-        "outcome": lambda row: Cell(_WORDS[row[0]], mark=_MARK[row[0]]),
+    columns: Columns[tuple[_ShownOutcome, int]] = {
+        "outcome": lambda row: Cell(_word(row[0]), mark=_MARK[row[0].outcome]),
         "runs": lambda row: f"{row[1]:,}",
         "share": lambda row: numbers.percent(row[1] / len(done.rows), 1),
     }
-    present = [(outcome, number) for outcome, number in done.counts.items() if number]
-    return table_by("Runs by outcome, the gravest first", present, columns)
+    return table_by("Runs by outcome, the gravest first", list(_counted(done).items()), columns)
 
 
 def _failures(done: Batch) -> Iterator[Section]:
@@ -150,6 +177,17 @@ def _misfits(done: Batch) -> Iterator[Section]:
         yield section_of("Lack of fit", Paragraph(about), table)
 
 
+def _contradicted(done: Batch) -> Iterator[Section]:
+    columns: Columns[BatchRow] = {
+        "run": _run,
+        "why": lambda row: clipped(row.message, _LONGEST_MESSAGE),
+    }
+    if rows := [row for row in done.rows if row.contradicted]:
+        caption = _caption("Runs of which nothing is to be entered", rows)
+        table = table_by(caption, rows[:_MOST_NAMED], columns, "l", lambda row: "weak")
+        yield section_of(_CONTRADICTED, table, brief=True)
+
+
 def _outliers(done: Batch) -> Iterator[Block]:
     explanation = (
         "Outliers are identified offsets far from those of the other runs of the same robot model"
@@ -179,7 +217,7 @@ def _largest(done: Batch) -> Table | None:
 
 
 def _every(done: Batch) -> Table:
-    rows = sorted(done.rows, key=lambda row: OUTCOMES.index(row.outcome))
+    rows = sorted(done.rows, key=lambda row: _gravity(_kind(row)))
     caption = "The gravest first; results are in the folders of these names"
     if len(rows) > _MOST_ROWS:
         caption += f". The first {_MOST_ROWS:,} of {len(rows):,}: runs.csv has all"
@@ -218,7 +256,7 @@ def _run(row: BatchRow) -> str:
 
 
 def _outcome(row: BatchRow) -> Cell:
-    return Cell(said_word(_WORDS[row.outcome], row.simulated), mark=_MARK[row.outcome])
+    return Cell(said_word(_word(_kind(row)), row.simulated), mark=_MARK[row.outcome])
 
 
 def _worst(row: BatchRow) -> str:

@@ -222,6 +222,7 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
         outcome="weak" if nothing_entered else result.verdict,
         message=f"{sentence} {content.action.text}" if nothing_entered else sentence,
         simulated=is_simulated(inputs.provenance),
+        contradicted=nothing_entered,
         sha256=inputs.sha256,
         robot=inputs.robot,
         serial=serial,

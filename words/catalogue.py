@@ -366,7 +366,8 @@ def _state(assumed: list[Assumption], case: RunCase) -> str:
 
 
 def _nominal_arm(case: RunCase) -> bool:
-    return lacks_factory_calibration(case.vendor, case.header.get("robot"))
+    """Of a robot that was measured: a simulated one has no controller."""
+    return not case.simulated and lacks_factory_calibration(case.vendor, case.header.get("robot"))
 
 
 def _import_calibration(nominal: object, case: RunCase) -> str:

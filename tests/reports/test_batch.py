@@ -246,14 +246,15 @@ def test_a_row_says_what_page_one_of_its_run_says(tmp_path):
     demo = exact_copy(GOOD, tmp_path / "demo.jsonl")
     found = batch([nominal, demo], tmp_path / "out", SETTINGS, lambda *_: None, processes=1)
     rows = {row.name: row for row in found.rows}
-    assert (rows["run"].outcome, rows["run"].simulated) == ("weak", False)
+    assert (rows["run"].outcome, rows["run"].contradicted, rows["run"].simulated) == ("weak", True, False)
     assert "apply that calibration twice" in rows["run"].message
-    assert (rows["demo"].outcome, rows["demo"].simulated) == ("pass", True)
+    assert (rows["demo"].outcome, rows["demo"].contradicted, rows["demo"].simulated) == ("pass", False, True)
     assert "nter nothing" not in rows["demo"].message
     assert [row["simulated"] for row in table(tmp_path / "out" / "runs.csv")] == ["False", "True"]
     page = (tmp_path / "out" / "batch.html").read_text()
-    for said in ("1 of 2 runs is a pass (1 simulated): 1 weakly observable", "Simulated: pass"):
+    for said in ("1 of 2 runs is a pass (1 simulated): 1 with nothing to enter", "Simulated: pass"):
         assert said in page
+    assert "eakly observable" not in page
 
 
 def row(name, estimate, u=0.02):

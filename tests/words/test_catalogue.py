@@ -56,6 +56,7 @@ from zerobeam.analysis.status import Status, Verdict
 from zerobeam.app.server.answers.folder_runs import history
 from zerobeam.app.server.answers.home import home
 from zerobeam.app.server.index import Folder
+from zerobeam.commands.judging import exit_status_of
 from zerobeam.experiments.makers import calibration as exporters
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
@@ -397,7 +398,8 @@ def test_a_pass_by_which_nothing_is_to_be_entered_is_listed_as_such(grade: str, 
         words = {"enter", "nothing"} <= set(text.split()) if name == "show" else "enter nothing" in text
         assert words == (grade == "weak"), name
     batch = _row(BatchRun("one", "one.jsonl", read_run(demo_runs()[0].path)), result)
-    assert batch.outcome == grade
+    assert (batch.outcome, batch.contradicted) == (grade, grade == "weak")
+    assert exit_status_of(replace(analysed(), result=result)) == (grade == "weak")
 
 
 @pytest.mark.parametrize("finding", [None, OtherBasins, HeldOutMisfit, Outlying])

@@ -87,12 +87,12 @@ def require_factory_arm(ref: str | UrdfRef, folder: Path) -> None:
     path = robot_path(ref, folder)
     if path is not None and path.is_file() and _FACTORY.encode() in read_bytes(path):
         return
-    stated = ref.urdf if isinstance(ref, UrdfRef) else ref
-    model = stated if stated in built_in_robots() else "MODEL"
+    name = ref.urdf if isinstance(ref, UrdfRef) else ref
+    model = name if name in built_in_robots() else "MODEL"
     raise BadInput(
         "a UR's controller computes with the factory calibration of its arm, and this is another arm: what"
         " the factory has corrected would be left out, or corrected twice",
-        found=f"robot: {stated}",
+        found=f"robot: {name}",
         allowed="the robot file that zerobeam import ur-calibration makes, for a run too",
         remedy=f"zerobeam import ur-calibration calibration.conf --robot {model} -o arm.yaml"
         f" (calibration.conf of the controller; {model}: the arm's model); name arm.yaml as robot, or in a"
