@@ -365,8 +365,8 @@ def _state(assumed: list[Assumption], case: RunCase) -> str:
     return f"Enter nothing yet: {stating(assumed)}, or record more measurements, in varied postures."
 
 
-def _nominal_arm(case: RunCase) -> bool:
-    """Of a robot that was measured: a simulated one has no controller."""
+def nominal_arm(case: RunCase) -> bool:
+    """Whether a robot was measured whose controller computes with another arm than the run's."""
     return not case.simulated and lacks_factory_calibration(case.vendor, case.header.get("robot"))
 
 
@@ -590,7 +590,7 @@ RUN: tuple[FindingEntry[RunCase], ...] = (
         ),
         command=_import_calibration,
         colour="weak",
-        found=if_(_nominal_arm),
+        found=if_(nominal_arm),
     ),
     FindingEntry(
         "a controller that takes no offsets",

@@ -48,6 +48,12 @@ _ZEROS = {
 }
 
 
+TCP_OF_NOMINAL_ARM = (
+    "TCP error: not claimed, since the controller computes with the arm's factory calibration, and not with"
+    " the nominal arm of this run."
+)
+
+
 def no_offsets_words(vendor: str | None) -> str:
     """That there is no file of offsets for a controller, and what exists."""
     zeros = _ZEROS.get(vendor or "")

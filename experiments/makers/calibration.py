@@ -37,7 +37,7 @@ from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
 from ...model.records import inline, internal, it, key, record
 from ...words.case import RunCase
-from ...words.catalogue import against, open_rows
+from ...words.catalogue import against, nominal_arm, open_rows
 from ...words.message import message_so_far
 from ...words.misfit_words import criterion_sentence
 from ...words.observability import part_of, reason_of, size_of, stating
@@ -61,9 +61,10 @@ class Correction:
 
     `applied` is what the exported file adds to the recorded position or to the nominal value: the estimate
     (of an offset that goes into nominal geometry the value to enter), or 0 where it is held, not determined
-    by the data, `left_out`, as good as what is assumed and not exported `although_assumed`, or unvalidated
-    and not exported `despite_misfit`. `applied_u` is the standard uncertainty of that very value. `to_enter`
-    is what a controller with nominal geometry takes of an offset, None where the file holds the links too.
+    by the data, `left_out`, as good as what is assumed and not exported `although_assumed`, unvalidated
+    and not exported `despite_misfit`, or `of_nominal_arm`: of a controller that computes with another arm.
+    `applied_u` is the standard uncertainty of that very value. `to_enter` is what a controller with nominal
+    geometry takes of an offset, None where the file holds the links too.
     """
 
     row: Annotated[
@@ -73,6 +74,7 @@ class Correction:
     left_out: Annotated[bool, it("true if `--without` names it")]
     despite_misfit: Annotated[bool, internal]
     although_assumed: Annotated[bool, internal] = False
+    of_nominal_arm: Annotated[bool, internal] = False
     to_enter: Annotated[ValueToEnter | None, internal] = None
 
     @property
@@ -88,7 +90,7 @@ class Correction:
     def exported(self) -> bool:
         validated = self.status != "unvalidated" or self.despite_misfit
         determined = known(self.status) or (self.status == "assumed" and self.although_assumed)
-        return determined and validated and not self.left_out
+        return determined and validated and not (self.left_out or self.of_nominal_arm)
 
     @property
     @key(
@@ -151,7 +153,8 @@ class GeometryValue(Correction):
     @property
     def gone(self) -> bool:
         """Whether it is not to be exported, and stays nominal."""
-        return self.left_out or self.no_place or (self.status == "unvalidated" and not self.despite_misfit)
+        out = self.left_out or self.no_place or self.of_nominal_arm
+        return out or (self.status == "unvalidated" and not self.despite_misfit)
 
     @property
     def of_link(self) -> bool:
@@ -400,8 +403,9 @@ def calibration(
     would say to enter nothing; where nothing is left to apply. An offset that is as good as what is assumed
     is left out, unless that is allowed. That a target seems to have moved may be allowed:
     then the warnings say so. NotValidated where the model does not describe the run, unless that is asked for
-    (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied. FitFailed
-    where the fit did not converge.
+    (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied, nor of a
+    nominal arm whose controller computes with its factory calibration. FitFailed where the fit did not
+    converge.
     """
     # One thread, as in `analyse`: the last bits depend on it.
     with one_blas_thread(), located(run.path, run.header_line):
@@ -417,7 +421,10 @@ def calibration(
         despite = unvalidated or (allow_displaced and not as_data)
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
+        case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
+        of_nominal_arm = as_data and nominal_arm(case)
         takes_nominal = holds in ("offsets", "all") and (solution.misfit is None or despite)
+        takes_nominal &= not of_nominal_arm
         to_enter = offsets_to_enter(solution, without, assumed=allow_assumed) if takes_nominal else {}
         offsets = [
             JointOffset(
@@ -425,14 +432,15 @@ def calibration(
                 left_out=row.name in without,
                 despite_misfit=despite,
                 although_assumed=allow_assumed,
+                of_nominal_arm=of_nominal_arm,
                 joint=joint.name,
                 kind=joint.kind,
                 to_enter=to_enter.get(row.name),
             )
             for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
         ]
-        case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
-        _require_known(offsets, case, allow_weak, nothing_applied=as_data and solution.misfit is not None)
+        nothing_applied = of_nominal_arm or (as_data and solution.misfit is not None)
+        _require_known(offsets, case, allow_weak, nothing_applied)
         if not allow_assumed:
             _require_weak_by_plan(offsets, solution.identified.weak_on)
         geometry = tuple(
@@ -440,6 +448,7 @@ def calibration(
                 row=row,
                 left_out=row.name in without,
                 despite_misfit=despite,
+                of_nominal_arm=of_nominal_arm,
                 mean=float(solution.fit.x[solution.problem.parameters.index(row.name)]),
                 no_place=row.name in no_place,
             )
@@ -463,7 +472,7 @@ def calibration(
             RunInputs(run.path.name, run.sha256, run.robot.name, solution.problem.shots, SEED, versions()),
             solution.misfit is not None,
             (
-                *_not_to_enter(solution, run, holds),
+                *_not_to_enter(solution, run, holds, of_nominal_arm=of_nominal_arm),
                 *_relative(corrected_before, holds),
                 *_weak_values(offsets),
                 *map(criterion_sentence, solution.contradictions),
@@ -478,7 +487,7 @@ def _made_up_for(offsets: Sequence[JointOffset], geometry: Sequence[GeometryValu
     return () if out else tuple(one.name for one in offsets if one.exported)
 
 
-def _not_to_enter(solution: Solution, run: Run, holds: Holds) -> tuple[str, ...]:
+def _not_to_enter(solution: Solution, run: Run, holds: Holds, *, of_nominal_arm: bool) -> tuple[str, ...]:
     """That nothing is to be entered, where the run's message says so; of programs that are corrected posture
     by posture nothing is entered anyway."""
     if is_simulated(run.header.provenance):
@@ -486,7 +495,8 @@ def _not_to_enter(solution: Solution, run: Run, holds: Holds) -> tuple[str, ...]
     content = message_so_far(solution, run.path.name, run.header)
     if content.may.enter or holds == "postures":
         return ()
-    return (f"exported although the message of the run says: {content.action.text}",)
+    done = "nothing is to be applied, as" if of_nominal_arm else "exported although"
+    return (f"{done} the message of the run says: {content.action.text}",)
 
 
 def _weak_values(offsets: Sequence[JointOffset]) -> tuple[str, ...]:

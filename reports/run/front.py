@@ -15,7 +15,8 @@ from ...analysis.observability.outlook import Outlook
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.case import RunCase
-from ...words.controllers import taken_by
+from ...words.catalogue import nominal_arm
+from ...words.controllers import TCP_OF_NOMINAL_ARM, taken_by
 from ...words.enter import ALL_OR_NONE, TCP_NOT_CLAIMED, TCP_OF_A_MISFIT, U_OF_VALUES
 from ...words.geometry_words import OffsetRow
 from ...words.message import offered, quantity_of_u, values_shown
@@ -195,7 +196,11 @@ def _row(
 
 def _tcp(result: Result, offered: Entered | None) -> Iterator[Block]:
     """The error of the TCP as it is, and with the values that are offered, or with the corrected model, which
-    has the links too. A file has it of what is offered alone."""
+    has the links too. A file has it of what is offered alone. Of a controller that computes with another arm
+    there is none."""
+    if nominal_arm(RunCase.of_result(result)):
+        yield Paragraph(TCP_OF_NOMINAL_ARM)
+        return
     entered, after = offered or result.entered, "entered"
     if taken_by(result.inputs.vendor) != "offsets":
         entered, after = result.entered_geometry or entered, "corrected"

@@ -12,6 +12,9 @@ from ...analysis.diagnostics.accuracy import Grid, Map, RegionAccuracy
 from ...analysis.diagnostics.values_to_enter import TcpError
 from ...analysis.observability.outlook import NextPosture
 from ...words import numbers
+from ...words.case import RunCase
+from ...words.catalogue import nominal_arm
+from ...words.controllers import TCP_OF_NOMINAL_ARM
 from ...words.enter import enter_sentence, error_words, floor_sentence
 from ...words.finding_words import accuracy_reason, tcp_words
 from ...words.outlook_words import region_first, region_words
@@ -30,6 +33,8 @@ TITLE = "Accuracy of the TCP"
 
 def workspace_section(result: Result) -> Section:
     """Where no accuracy is claimed, the reason alone."""
+    if nominal_arm(RunCase.of_result(result)):
+        return section_of(TITLE, Paragraph(TCP_OF_NOMINAL_ARM))
     accuracy = result.accuracy
     workspace, near = accuracy.workspace, accuracy.near_shots
     if workspace is None or near is None:
@@ -180,7 +185,7 @@ def workspace_picture(result: Result) -> Picture | None:
     """
     accuracy = result.accuracy
     maps = [plane for plane in accuracy.maps if plane.after_p95_mm is not None]
-    if not maps or result.misfit is not None:
+    if not maps or result.misfit is not None or nominal_arm(RunCase.of_result(result)):
         return None
     edges = class_edges([value for plane in maps for value in _numbers(plane.after_p95_mm or ())])
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.

@@ -22,6 +22,9 @@ from ....reports.run.front import front
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT
 from ....reports.run.unobservable import null_motion_picture_of
+from ....words.case import RunCase
+from ....words.catalogue import nominal_arm
+from ....words.controllers import TCP_OF_NOMINAL_ARM
 from ....words.message import read_message
 from ....words.numbers import number_in
 from ....words.wording import capital, label, listed
@@ -119,6 +122,8 @@ def _vectors(
         return None, "This result does not state a TCP."
     if result.verdict == "misfit":
         return None, f"{capital(NOT_DESCRIBED)}: no displacement of the TCP is known."
+    if nominal_arm(RunCase.of_result(result)):
+        return None, TCP_OF_NOMINAL_ARM
     try:
         recorded = _recorded(run)
     except BadInput:

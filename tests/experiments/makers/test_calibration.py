@@ -184,6 +184,23 @@ def test_shots_that_contradict_the_model_are_refused(refused: Refused) -> None:
         assert narrow.row.std is None or (wide.row.std is not None and wide.row.std > 3 * narrow.row.std)
 
 
+def test_of_a_nominal_arm_with_a_factory_calibration_nothing_is_applied() -> None:
+    """As data the offsets are written, with their u and status, and the file says why none is applied."""
+    own = header(LASER, target=(500.0, 100.0, 200.0), robot="ur5e")
+    arm = load_robot("ur5e")
+    plan = plan_of(own, varied_postures(own, arm, (500.0, 100.0, 200.0), 12, 5), robot=arm)
+    run = simulated(plan, {f"delta{i}": TRUTH[f"delta{i}"] for i in (2, 3)}, 2)[1]
+    data, other = calibration(run, as_data=True), calibration(run)
+    assert [o.status for o in data.offsets] == [o.status for o in other.offsets]
+    assert not any(o.exported or o.applied or o.applied_u or o.applied_status for o in data.offsets)
+    assert any(o.exported for o in other.offsets)
+    (note,) = (text for text in data.warnings if "apply that calibration twice" in text)
+    assert note.startswith("nothing is to be applied, as the message of the run says: Enter nothing yet")
+    # Negative control: a simulated arm has no controller.
+    made = replace(run, header=run.header.model_copy(update={"provenance": {"origin": "simulated"}}))
+    assert any(o.exported for o in calibration(made, as_data=True).offsets)
+
+
 def test_a_target_that_has_moved_is_refused_or_told(refused: Refused) -> None:
     plan = good_plan(24, joint_deg=0.002, noise={"scale": "estimated"})
     before, after = (

@@ -24,6 +24,7 @@ from zerobeam.reports.run.run_scene import run_turnable
 from zerobeam.reports.scene import STILL, still_picture
 from zerobeam.reports.style.blocks import Bars, Block, FigureBlock, Paragraph, Table
 from zerobeam.words import numbers
+from zerobeam.words.controllers import TCP_OF_NOMINAL_ARM
 from zerobeam.words.entries import MOST_CAUTIONS
 from zerobeam.words.message import message
 
@@ -150,6 +151,17 @@ def test_where_the_controller_takes_a_model_the_bar_is_that_of_the_model() -> No
         )
         assert taken.tcp_after is not None
         assert bars.rows[-1].value == taken.tcp_after.median_mm
+
+
+def test_no_error_is_claimed_of_a_controller_with_another_arm() -> None:
+    """A UR computes with its factory calibration: a run with the nominal arm does not say its error."""
+    result = good()
+    for provenance, claimed in (({}, False), ({"origin": "simulated"}, True)):
+        own = {**result.inputs.header, "robot": "ur5e", "provenance": provenance}
+        inputs = replace(result.inputs, vendor="universal-robots", header=own)
+        blocks = front_of(replace(result, inputs=inputs))
+        assert any(isinstance(block, Bars) for block in blocks) == claimed
+        assert (Paragraph(TCP_OF_NOMINAL_ARM) in blocks) != claimed
 
 
 def test_a_wrong_model_has_no_table_and_no_bars() -> None:
