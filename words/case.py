@@ -130,7 +130,7 @@ class RunCase:
         """Of a pass: whether the robot does not meet what it must, or may not."""
         if self.verdict != "pass" or self.conformity is not None:
             return not conforms(self.conformity)
-        return "required" in self.header
+        return self.header.get("required") is not None
 
     @property
     def provenance(self) -> Mapping[str, object]:
