@@ -25,6 +25,7 @@ import zerobeam as package
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.commands import program
 from zerobeam.experiments.schema import SCHEMA_NAMES
+from zerobeam.experiments.studies.cases import Engine
 from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.header import RUN_SCHEMA
 from zerobeam.model.files.run import read_run
@@ -197,10 +198,11 @@ def test_another_run_is_predicted(tmp_path: Path) -> None:
 
 
 def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., Any]:
-    def made(data_sets: int, seed: int, progress: Callable[[str, float], None], *, store: Path) -> Any:
-        assert store.name == "study.cases.jsonl"
-        progress("good", 0.5)
-        seen.append((data_sets, seed))
+    def made(data_sets: int, engine: Engine) -> Any:
+        assert engine.store is not None
+        assert engine.store.name == "study.cases.jsonl"
+        engine.progress("good", 0.5)
+        seen.append((data_sets, engine.seed))
         answer = agreeing() if agrees else disagreeing()
         return typed({**answer, "plans": answer["plans"][1:2]})
 

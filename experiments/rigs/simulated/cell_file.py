@@ -252,7 +252,7 @@ class ArmInCell(FileModel):
     resolution_deg: EachJoint = Field(
         default=0.0002, description="step of the joints' encoders, degrees (mm)"
     )
-    backlash_deg: EachJoint = Field(default=0.0, description="backlash of the gears, degrees (mm)")
+    backlash_deg: EachJoint = Field(default=0.0, description="backlash of the gears, at most 10 degrees (mm)")
     geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] | None = Field(
         default=None,
         description="links that deviate from nominal geometry, and nothing else; without it links, gravity "

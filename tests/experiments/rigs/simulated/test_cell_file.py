@@ -246,6 +246,7 @@ def test_every_fault_has_its_effect(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     [
         ("arm:\n  backlash_deg: [0, 0, 0]\n", 3, "found:   3 values"),
         ("arm:\n  resolution_deg: [0, 0, 0]\n", 3, "arm.resolution_deg"),
+        ("arm:\n  backlash_deg: [0, 0, 0, 0, 90, 0]\n", 3, "arm.backlash_deg"),
         ("arm:\n  repeatability_deg: [0, 0, 0]\n", 3, "one number, or 6"),
         ("arm:\n  offsets_deg:\n    delta2: 1\n    delta7: 1\n", 5, "allowed: delta1, delta2"),
         ("arm:\n  geometry:\n    - {joint: 7}\n", 4, "the arm has no such joint"),
