@@ -1,7 +1,9 @@
 """`zerobeam export …`: what is written, what is refused, and that nothing is overwritten or half written."""
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,6 +48,11 @@ def poor(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return saved(tmp_path_factory.mktemp("poor"), plan.header, simulated(plan, TRUTH, 2)[1])
 
 
+def _to_twelve_digits(answer: object) -> Any:
+    """What is exported beside the estimate is computed by another way, alike but for the last digit."""
+    return json.loads(json.dumps(answer), parse_float=lambda number: f"{float(number):.12g}")
+
+
 @pytest.mark.parametrize("what", TEXTS)
 @pytest.mark.at_length(r"^urdf")
 def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
@@ -59,7 +66,7 @@ def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
         assert "Do ONE of these, never both: enter the values" in text
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     again = zerobeam("export", what, run.path, "-o", tmp_path / "two", "--json")
-    assert again.json == to_json(calibration(run))
+    assert _to_twelve_digits(again.json) == _to_twelve_digits(to_json(calibration(run)))
 
 
 def test_a_robot_file_is_written_and_read_again(run: Run, tmp_path: Path) -> None:
