@@ -14,6 +14,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from ...model.errors import BadInput
 from ...model.kinematics.orientation import (
     Orientation,
     from_abc,
@@ -108,6 +109,8 @@ What = Literal["tool", "frame"]
 WHAT: tuple[What, What] = ("tool", "frame")
 Doubt = Literal["relative", "computed", "elsewhere", "call", "group"]
 _LARGEST = 1e9  # mm, deg, pulses
+MOST_DIGITS = 1000
+_TOO_LONG = re.compile(rf"(?<!\d)\d{{{MOST_DIGITS + 1}}}")
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,16 @@ class SourceFile:
     name: str
     text: str
     remark: str = r"(?!)"
+
+    def __post_init__(self) -> None:
+        if (longest := _TOO_LONG.search(self.text)) is not None:
+            raise BadInput(
+                "a number has too many digits",
+                file=self.name or None,
+                line=self.line(longest.start()),
+                found=f"{longest[0][:20]}…",
+                allowed=f"up to {MOST_DIGITS:,} digits",
+            )
 
     @cached_property
     def bare(self) -> str:

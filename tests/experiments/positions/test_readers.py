@@ -10,6 +10,7 @@ from made_backups import DIALECTS, Dialect, MadeBackup, MadePosition, kept, writ
 
 from zerobeam.experiments.converted_programs import shown_programs
 from zerobeam.experiments.positions.conversion import Conversion, PositionRow
+from zerobeam.experiments.positions.position import MOST_DIGITS, SourceFile
 from zerobeam.model.errors import BadInput
 
 COUNTS = pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.long)])
@@ -371,3 +372,11 @@ def test_local_data_of_several_modules_are_of_their_module(tmp_path: Path) -> No
     hidden = shown(tmp_path / "hidden", A_mod=first, B_mod=plain[1])
     assert refusals(hidden) == []
     assert {row.file for row in hidden.positions} == {"A.mod", "B.mod"}
+
+
+def test_a_number_of_thousands_of_digits_is_refused_with_its_line() -> None:
+    """Python refuses to make an integer of more than 4,300: it was a fault of the program."""
+    assert SourceFile("a.ls", "P[" + "1" * MOST_DIGITS + "]").line(0) == 1
+    with pytest.raises(BadInput) as caught:
+        SourceFile("a.ls", "/POS\nP[" + "1" * (MOST_DIGITS + 1) + "]")
+    assert (caught.value.file, caught.value.line) == ("a.ls", 2)
