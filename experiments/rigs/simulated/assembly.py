@@ -23,7 +23,6 @@ from ...simulate import Truth
 from .cell_file import CameraInCell, CellFile, EachJoint, EncoderGlitch, PlacedPsd
 
 # Top speeds where the robot file states none.
-_MOST_BACKLASH = 10.0  # deg or mm: beyond it every move ends elsewhere, and no search finds anything
 _TOP_SPEED = {"revolute": 1.0, "prismatic": 1000.0}  # rad/s, mm/s
 
 
@@ -307,13 +306,6 @@ def _arm(
         return np.broadcast_to(values, robot.n) / robot.display
 
     settings = cell.arm
-    if np.max(settings.backlash_deg) > _MOST_BACKLASH:
-        raise cell.refuse(
-            ("arm", "backlash_deg"),
-            "arm.backlash_deg is more than any arm has",
-            found=f"{np.max(settings.backlash_deg):g}",
-            allowed=f"up to {_MOST_BACKLASH:g}, degrees (mm)",
-        )
     return SimulatedArm(
         robot,
         offsets,

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ....model.arrays import Matrix
 from ....model.files.header import RobotRef
@@ -227,6 +227,20 @@ def _each_joint(value: object) -> object:
 EachJoint = Annotated[NotNegative | tuple[NotNegative, ...], BeforeValidator(_each_joint)]
 
 
+_MOST_BACKLASH = 10.0  # beyond it every move ends elsewhere, and no search finds anything
+
+
+def _backlash(value: EachJoint) -> EachJoint:
+    most = max(value) if isinstance(value, tuple) else value
+    if most > _MOST_BACKLASH:
+        raise refusal(
+            "arm.backlash_deg is more than any arm has",
+            found=f"{most:g}",
+            allowed=f"up to {_MOST_BACKLASH:g}, degrees (mm)",
+        )
+    return value
+
+
 class GeometryError(FileModel):
     """How far one link of the true arm deviates from nominal geometry."""
 
@@ -252,7 +266,9 @@ class ArmInCell(FileModel):
     resolution_deg: EachJoint = Field(
         default=0.0002, description="step of the joints' encoders, degrees (mm)"
     )
-    backlash_deg: EachJoint = Field(default=0.0, description="backlash of the gears, at most 10 degrees (mm)")
+    backlash_deg: Annotated[EachJoint, AfterValidator(_backlash)] = Field(
+        default=0.0, description="backlash of the gears, at most 10 degrees (mm)"
+    )
     geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] | None = Field(
         default=None,
         description="links that deviate from nominal geometry, and nothing else; without it links, gravity "
