@@ -227,14 +227,13 @@ def exit_status_of_plan(check: Check) -> int:
 def exit_status_of(analysis: Analysis) -> int:
     """By its verdict; 1 too for a pass that something speaks against, so that nothing is to be entered, and
     for a robot that does not meet, or may not meet, what is required of it."""
-    from ..analysis.diagnostics.values_to_enter import conforms
+    from ..words.case import RunCase
     from ..words.message import contradicted, message
 
     if not analysis.converged:
         return FAULT
     failed = contradicted(analysis.verdict, message(analysis.result))
-    failed |= not conforms(analysis.result.conformity)
-    failed |= analysis.run.header.required is not None and analysis.result.conformity is None
+    failed |= RunCase.of_result(analysis.result).falls_short
     return max(EXIT_STATUS[analysis.verdict], int(failed))
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..analysis.diagnostics.values_to_enter import conforms
 from ..analysis.observability.aim import aim_plan
 from ..model.errors import BadInput, RigFault, located
 from ..model.files.header import Header
@@ -429,7 +428,7 @@ def _answer(
     met = True
     if verifies is None:
         case = RunCase.so_far(state, file.as_posix(), header.model_dump(mode="json"))
-        summary, headline, met = message_of_run(case), headline_so_far(state), conforms(case.conformity)
+        summary, headline, met = message_of_run(case), headline_so_far(state), not case.falls_short
     else:
         summary = acceptance_plan_message(len(result.shots), str(verifies), file.as_posix())
         headline = summary.verdict

@@ -38,11 +38,10 @@ from ...model.parsing.reading import did_you_mean, read_bytes
 from ...model.records import inline, internal, it, key, record
 from ...words.case import RunCase
 from ...words.catalogue import against, nominal_arm, open_rows
-from ...words.message import message_so_far
+from ...words.message import message_of_run
 from ...words.misfit_words import criterion_sentence
 from ...words.observability import part_of, reason_of, size_of, stating
-from ...words.provenance import is_simulated
-from ...words.wording import listed
+from ...words.wording import listed, person
 from ..validated_solution import SEED, converged_solution, require_validated
 from .maker import Holds, one_line
 
@@ -417,11 +416,12 @@ def calibration(
         solution = converged_solution(run, "nothing can be exported")
         if not (unvalidated or as_data):
             require_validated(solution, allow_displaced)
-        _require_nothing_against(solution, run, None if held_out is None else predict_run(solution, held_out))
+        case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
+        predicted = None if held_out is None else predict_run(solution, held_out)
+        _require_nothing_against(solution, case, predicted)
         despite = unvalidated or (allow_displaced and not as_data)
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
-        case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
         of_nominal_arm = as_data and nominal_arm(case)
         takes_nominal = holds in ("offsets", "all") and (solution.misfit is None or despite)
         takes_nominal &= not of_nominal_arm
@@ -472,7 +472,7 @@ def calibration(
             RunInputs(run.path.name, run.sha256, run.robot.name, solution.problem.shots, SEED, versions()),
             solution.misfit is not None,
             (
-                *_not_to_enter(solution, run, holds, of_nominal_arm=of_nominal_arm),
+                *_not_to_enter(case, holds, of_nominal_arm=of_nominal_arm),
                 *_relative(corrected_before, holds),
                 *_weak_values(offsets),
                 *map(criterion_sentence, solution.contradictions),
@@ -487,12 +487,12 @@ def _made_up_for(offsets: Sequence[JointOffset], geometry: Sequence[GeometryValu
     return () if out else tuple(one.name for one in offsets if one.exported)
 
 
-def _not_to_enter(solution: Solution, run: Run, holds: Holds, *, of_nominal_arm: bool) -> tuple[str, ...]:
+def _not_to_enter(case: RunCase, holds: Holds, *, of_nominal_arm: bool) -> tuple[str, ...]:
     """That nothing is to be entered, where the run's message says so; of programs that are corrected posture
     by posture nothing is entered anyway."""
-    if is_simulated(run.header.provenance):
+    if case.simulated:
         return (NO_ROBOT,)
-    content = message_so_far(solution, run.path.name, run.header)
+    content = message_of_run(replace(case, name=person))
     if content.may.enter or holds == "postures":
         return ()
     done = "nothing is to be applied, as" if of_nominal_arm else "exported although"
@@ -542,7 +542,7 @@ def _relative(corrected_before: str | None, holds: Holds) -> tuple[str, ...]:
     )
 
 
-def _require_nothing_against(solution: Solution, run: Run, held_out: PredictedRun | None) -> None:
+def _require_nothing_against(solution: Solution, case: RunCase, held_out: PredictedRun | None) -> None:
     """BadInput where something speaks against the values, as the run's message would say."""
     row = against(without_a_result(solution, held_out))
     if row is None:
@@ -553,7 +553,6 @@ def _require_nothing_against(solution: Solution, run: Run, held_out: PredictedRu
             found=f"{solution.fit.other_basins} more that fit nearly as well",
             remedy="record more measurements, in varied postures",
         )
-    case = RunCase.so_far(solution, run.path.name, run.header.model_dump(mode="json"), str)
     action = row.action(case)
     raise BadInput(
         "the measurements speak against the values of this run, so nothing is exported",
@@ -623,10 +622,11 @@ def _require_weak_by_plan(
     if resting:
         on = list(dict.fromkeys(one for offset in resting for one in weak_on[offset.name]))
         raise BadInput(
-            f"{listed([offset.name for offset in resting])} cannot be exported as weak: without what is"
-            " assumed the data do not determine it",
+            f"{listed([offset.name for offset in resting])} cannot be exported as weakly observable:"
+            " unidentifiable without what is assumed",
             found=f"assumed: {listed(list(dict.fromkeys(f'{part_of(one)}, {size_of(one)}' for one in on)))}",
-            allowed="weak offsets that the measurements know by themselves; others with --allow-assumed too",
+            allowed="weakly observable offsets that are not unidentifiable without it; others with"
+            " --allow-assumed too",
             remedy=f"{stating(on)}; or --allow-assumed; or exclude by name: {_leaving_out(resting)}",
         )
 
