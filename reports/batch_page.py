@@ -9,13 +9,13 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence, Sized
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from ..analysis.diagnostics.outliers import FEWEST_VALUES
-from ..experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchRow, Outcome, OutlierArm
+from ..experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchRow, OutlierArm
 from ..model.errors import missing_extra
 from ..model.files.whole_file import write_whole
 from ..model.records import dumps, to_json
@@ -45,9 +45,11 @@ _MOST_ROWS = 1000
 _MOST_NAMED = 200
 _LONGEST_NAME, _LONGEST_MESSAGE = 40, 240
 _NO_NUMBER = "—"
-_WORDS: dict[str, str] = {"failed": "Failed", **{str(key): word for key, word in VERDICT_WORDS.items()}}
-_CONTRADICTED = "Nothing to enter"
-_MARK = {"failed": "", **VERDICT_MARKS}
+_CONTRADICTED = "contradicted"  # a pass by which nothing is to be entered
+_ORDER = (*OUTCOMES[:-1], _CONTRADICTED, OUTCOMES[-1])  # the gravest first
+_WORDS: dict[str, str] = {"failed": "Failed", _CONTRADICTED: "Nothing to enter"}
+_WORDS |= {str(key): word for key, word in VERDICT_WORDS.items()}
+_MARK: dict[str, str] = {"failed": "", _CONTRADICTED: "weak", **VERDICT_MARKS}
 _CRITERIA = {
     "chi2": "residuals",
     "noise_factor": "noise factor",
@@ -72,9 +74,9 @@ def batch_page(done: Batch) -> Page:
     if simulated := sum(row.simulated for row in done.rows if row.outcome == "pass"):
         sentence += f" ({simulated:,} simulated)"
     others = [
-        f"{number:,} {'with ' if kind.contradicted else ''}{_word(kind).lower()}"
-        for kind, number in _counted(done).items()
-        if kind.outcome != "pass"
+        f"{number:,} {'with ' if outcome == _CONTRADICTED else ''}{_WORDS[outcome].lower()}"
+        for outcome, number in _counted(done).items()
+        if outcome != "pass"
     ]
     return Page(
         "Batch of runs",
@@ -114,34 +116,20 @@ def _notes(done: Batch) -> Iterator[str]:
         )
 
 
-class _ShownOutcome(NamedTuple):
-    """An outcome as the page counts it: passes by which nothing is to be entered by themselves."""
-
-    outcome: Outcome
-    contradicted: bool
+def _shown(row: BatchRow) -> str:
+    """The outcome as the page counts it: passes by which nothing is to be entered by themselves."""
+    return _CONTRADICTED if row.contradicted else row.outcome
 
 
-def _kind(row: BatchRow) -> _ShownOutcome:
-    return _ShownOutcome(row.outcome, row.contradicted)
-
-
-def _word(kind: _ShownOutcome) -> str:
-    return _CONTRADICTED if kind.contradicted else _WORDS[kind.outcome]
-
-
-def _counted(done: Batch) -> dict[_ShownOutcome, int]:
-    """How many runs are of each kind, the gravest first; without those of which there are none."""
-    numbers_of = Counter(map(_kind, done.rows))
-    return {kind: numbers_of[kind] for kind in sorted(numbers_of, key=_gravity)}
-
-
-def _gravity(kind: _ShownOutcome) -> tuple[int, bool]:
-    return OUTCOMES.index(kind.outcome), kind.contradicted
+def _counted(done: Batch) -> dict[str, int]:
+    """How many runs have each outcome, the gravest first; without those that no run has."""
+    numbers_of = Counter(map(_shown, done.rows))
+    return {outcome: numbers_of[outcome] for outcome in _ORDER if numbers_of[outcome]}
 
 
 def _outcomes(done: Batch) -> Table:
-    columns: Columns[tuple[_ShownOutcome, int]] = {
-        "outcome": lambda row: Cell(_word(row[0]), mark=_MARK[row[0].outcome]),
+    columns: Columns[tuple[str, int]] = {
+        "outcome": lambda row: Cell(_WORDS[row[0]], mark=_MARK[row[0]]),
         "runs": lambda row: f"{row[1]:,}",
         "share": lambda row: numbers.percent(row[1] / len(done.rows), 1),
     }
@@ -185,7 +173,7 @@ def _contradicted(done: Batch) -> Iterator[Section]:
     if rows := [row for row in done.rows if row.contradicted]:
         caption = _caption("Runs of which nothing is to be entered", rows)
         table = table_by(caption, rows[:_MOST_NAMED], columns, "l", lambda row: "weak")
-        yield section_of(_CONTRADICTED, table, brief=True)
+        yield section_of(_WORDS[_CONTRADICTED], table, brief=True)
 
 
 def _outliers(done: Batch) -> Iterator[Block]:
@@ -217,7 +205,7 @@ def _largest(done: Batch) -> Table | None:
 
 
 def _every(done: Batch) -> Table:
-    rows = sorted(done.rows, key=lambda row: _gravity(_kind(row)))
+    rows = sorted(done.rows, key=lambda row: _ORDER.index(_shown(row)))
     caption = "The gravest first; results are in the folders of these names"
     if len(rows) > _MOST_ROWS:
         caption += f". The first {_MOST_ROWS:,} of {len(rows):,}: runs.csv has all"
@@ -256,7 +244,7 @@ def _run(row: BatchRow) -> str:
 
 
 def _outcome(row: BatchRow) -> Cell:
-    return Cell(said_word(_word(_kind(row)), row.simulated), mark=_MARK[row.outcome])
+    return Cell(said_word(_WORDS[_shown(row)], row.simulated), mark=_MARK[_shown(row)])
 
 
 def _worst(row: BatchRow) -> str:
