@@ -36,7 +36,7 @@ Corner = tuple[float, float, float]
 
 @record
 class TcpRegion:
-    """Over which postures the error of the TCP is stated, and of which point; `name` names both in every
+    """Over which postures the error of the TCP is stated, and of which point; `name` says both in every
     sentence."""
 
     joints: Annotated[
@@ -51,16 +51,15 @@ class TcpRegion:
     on_axis: Annotated[
         int | None,
         it(
-            "the last joint, where its offset is not determined and would move the tool's point: what is"
-            " stated is of the point of its axis nearest to that; else null"
+            "the last joint, where its offset is not determined and moves the TCP: errors are of the point"
+            " of its axis nearest to the TCP; else null"
         ),
     ] = None
     name: Annotated[str | None, worded("the region in words")] = None
 
 
 def region_of(workspace: StatedWorkspace, on_axis: int | None = None) -> TcpRegion:
-    """The region that a header states; `on_axis` is the joint on whose axis the point is that is judged
-    (`judged_axis`)."""
+    """The region that a header states; `on_axis` as by `judged_axis`."""
     if workspace.positions is None:
         return TcpRegion(workspace.joints, workspace.box_mm, on_axis=on_axis)
     name = workspace.positions.replace("\\", "/").rpartition("/")[2]
@@ -229,5 +228,5 @@ def default_point(problem: Problem, status: Sequence[Status]) -> tuple[Matrix, T
 
 
 def judged_axis(problem: Problem, status: Sequence[Status]) -> int | None:
-    """The last joint, where `default_point` is on its axis in place of the tool's point."""
+    """The last joint, where `default_point` is on its axis in place of the TCP."""
     return problem.robot.n if default_point(problem, status)[1] == "last axis" else None

@@ -129,10 +129,10 @@ def conformity_sentence(result: Result) -> str:
     if not isinstance(required, dict):
         return NO_REQUIREMENT
     axis = None if result.region is None else result.region.on_axis
-    why = "is not determined" if axis is None else f"turns with J{axis}, which is not known"
+    why = "is not determined" if axis is None else f"rotates with J{axis}, which is not determined"
     return (
         f"Required at the TCP: {required_words(required)} in 95 % of the postures. Whether the robot meets"
-        f" that cannot be said: the tool {why}."
+        f" that cannot be said: the TCP {why}."
     )
 
 

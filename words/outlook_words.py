@@ -20,7 +20,7 @@ def region_words(region: TcpRegion | None) -> str:
         return _EARLIER
     if region.name is not None:
         return region.name
-    at = f", on axis {region.on_axis} (J{region.on_axis} is not known)" if region.on_axis else ""
+    at = f", on axis {region.on_axis} (J{region.on_axis} not determined)" if region.on_axis else ""
     return f"{_postures_of(region)}{at}"
 
 
@@ -254,7 +254,7 @@ def short_sentence(outlook: Outlook) -> str:
     now, required = outlook.now.tcp_95_mm or 0.0, outlook.required_mm or 0.0
     axis = outlook.region.on_axis
     if axis is not None:
-        return f"the tool turns with J{axis}, which is not known by this plan"
+        return f"the TCP rotates with J{axis}, which this plan does not determine"
     return (
         f"as predicted the TCP is off by up to {numbers.significant(now, 2, 'mm')} in 95 % of the postures"
         f" {region_words(outlook.region)}, with the values entered: more than the required"

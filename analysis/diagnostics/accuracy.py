@@ -304,7 +304,7 @@ class TcpAccuracy:
         Grid | None,
         it(
             "a matrix S, a row and a column for each joint: errors d of the offsets (in their units) "
-            "move the tool's stated point by √(d′ S d) mm, root mean square over the region; null where no "
+            "move the stated TCP by √(d′ S d) mm, root mean square over the region; null where no "
             "accuracy is claimed"
         ),
     ] = None
@@ -349,7 +349,7 @@ def accuracy(
         workspace, near_shots = _region(levels[:, whole]), _region(levels[:, near])
         laws = [law.of(whole) for law in laws]
         maps = _maps(problem, position[whole], position[near.stop :], levels[:, whole], laws)
-        # Of the tool's own point, for which an offset that is not determined counts.
+        # Of the stated TCP, which an offset that is not determined may move.
         at_tool = jacobian[whole]
         if location == "last axis":
             at_tool = tool_point(problem, fit.x, problem.tool.point, region)[1]

@@ -182,8 +182,7 @@ def entered(
     and whether the robot with the first meets what is required.
 
     All None where an offset is not determined, or the model does not describe the measurements: nothing can
-    be promised then. The last of them, too, where the tool's point is anywhere on a circle about the last
-    axis, since that offset is not determined.
+    be promised then. The last of them, too, where the errors are not of the TCP (`judged_axis`).
     """
     if solution.verdict in ("misfit", "degenerate"):
         return None, None, None
@@ -197,7 +196,6 @@ def entered(
         nominal = Entered("nominal", values, u, None, None, status=_statuses(solution, u))
         return nominal, whole and Entered("geometry", *whole, None, None), None
     problem = solution.problem
-    on_axis = judged_axis(problem, solution.status) is not None  # then it is not the tool that is judged
     as_it_is = spread.errors(np.zeros(problem.parameters.arm.stop))
     before = _tcp_error(as_it_is)
     after = spread.errors(controller_arm(problem, values))
@@ -208,11 +206,10 @@ def entered(
         with_links = Entered("geometry", *whole, before, _tcp_error(errors), worse=worse)
     best = None if fitted.by_mean is None else _tcp_error(spread.errors_at_best(fitted))
     worse, status = _share_worse(after, as_it_is), _statuses(solution, u)
-    return (
-        Entered("nominal", values, u, before, _tcp_error(after), best, worse, status),
-        with_links,
-        None if required is None or on_axis else _conformity(after, required.tcp_mm),
-    )
+    nominal = Entered("nominal", values, u, before, _tcp_error(after), best, worse, status)
+    if required is None or judged_axis(problem, solution.status) is not None:
+        return nominal, with_links, None
+    return nominal, with_links, _conformity(after, required.tcp_mm)
 
 
 def _statuses(solution: Solution, u: Mapping[str, float]) -> dict[str, Status]:

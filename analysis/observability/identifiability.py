@@ -326,11 +326,15 @@ def _taken_as_known(
     if resting and by_header and assumed:
         without = _lost(problem, x, weight, list(resting), data_std, keep_stated=True)
     last = problem.parameters.block("offset").stop - 1
-    most = [_ALONE * data_std[i] if i == last else np.finfo(float).max for i in range(last + 1)]
-    by_plan, weak_on = (
-        {i for i, std in lost.items() if status[i] == "weak" and std <= most[i]}
-        for lost in (resting, without)
-    )
+
+    def weak_of(lost: Mapping[int, float]) -> set[int]:
+        return {
+            i
+            for i, std in lost.items()
+            if status[i] == "weak" and np.isfinite(std) and (i != last or std <= _ALONE * data_std[i])
+        }
+
+    by_plan, weak_on = weak_of(resting), weak_of(without)
     rests_on = {
         items[i].name: _of_unit(problem, assumed if i in without and i not in weak_on else by_header)
         for i in resting

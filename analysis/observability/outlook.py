@@ -216,7 +216,7 @@ class Outlook:
     @property
     @key(
         "whether a remedy, or the answer as it is, meets what is required; null where nothing is, or no"
-        " TCP error is predicted, or not that of the tool's point"
+        " TCP error is predicted, or that of a point of the last axis"
     )
     def reachable(self) -> bool | None:
         """By the error that 95 % stay below, with the links entered or without."""
@@ -228,8 +228,8 @@ class Outlook:
 
     @property
     def falls_short(self) -> bool:
-        """Whether the answer as it is does not meet what is required, as predicted, or that cannot be said of
-        the tool's point."""
+        """Whether the answer as it is does not meet what is required, as predicted, or that cannot be said
+        of the TCP."""
         now = self.now.tcp_95_mm
         if self.required_mm is None or now is None:
             return False
@@ -320,14 +320,14 @@ class Prospect:
         rows += [*self.by_mounting(), *self.by_links()]
         rows = [row for row in rows if row.gain > 0]
         rows.sort(key=lambda row: (_LAST.get(row.remedy, 0), -round(row.gain, 2), row.minutes))
-        required, on_axis = self.header.required, judged_axis(self.problem, self.status)
+        required = self.header.required
         u_mm = None
         if now.tcp_95_mm is not None:
             u_mm = float(np.sqrt(np.trace(self.covariance @ self.forecast.mean_square)))
         return Outlook(
             now=now,
             remedies=tuple(rows),
-            region=region_of(self.problem.workspace, on_axis),
+            region=region_of(self.problem.workspace, judged_axis(self.problem, self.status)),
             minutes_each=self.each,
             measured=self.minutes_each is not None,
             required_mm=None if required is None else required.tcp_mm,

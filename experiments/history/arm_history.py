@@ -296,7 +296,7 @@ def _due(drift: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetim
         if row.status == "assumed" and matrix[i, i] > NO_EFFECT**2
     ]
     if assumed:
-        return None, f"the TCP depends on offsets that rest on what is assumed: {', '.join(assumed)}"
+        return None, f"the TCP depends on offsets that are assumed: {', '.join(assumed)}"
     lost = [
         name
         for name, is_known in zip(drift.series.names, drift.series.determined[-1], strict=True)

@@ -56,15 +56,12 @@ def predicted_blocks(check: Check, *, alone: bool = False) -> list[Block]:
         f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target; the plan is"
         " judged with the wrist rotated onto it."
     )
+    directions = [direction_words(each) for each in check.identifiability.null_space]
     return [
         predicted_table(check, (row for row in check.parameters if not row.tolerated)),
         *outlook_blocks(check.outlook, check.parameters, None if alone else planned_anew(check), brief=False),
         *map(Paragraph, check_lines(check)),
-        *(
-            []
-            if alone
-            else [Directions([direction_words(each) for each in check.identifiability.null_space])]
-        ),
+        *([] if alone else [Directions(directions)]),
         *map(Paragraph, [*outlook_lines(check), *([aimed] if off > 0.05 else [])]),
     ]
 

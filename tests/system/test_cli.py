@@ -685,7 +685,7 @@ def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
     def fail(*_: object) -> bytes:
         raise fault
 
-    monkeypatch.setattr(importlib.import_module("zerobeam.reports.output.whole_folder"), "pdf", fail)
+    monkeypatch.setattr(importlib.import_module("zerobeam.reports.output.pdf"), "pdf", fail)
     for folder in ("out", "new/deeper"):
         told = zerobeam("report", run, "-o", tmp_path / folder, *FEW)
         assert told.status == status

@@ -152,7 +152,7 @@ def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, m
     assert (said.cause or "").startswith(f"With the values entered the TCP is off by less than {shown} in 95")
 
 
-def test_a_tool_that_turns_with_a_joint_that_is_not_known_is_not_judged() -> None:
+def test_a_tcp_that_rotates_with_an_undetermined_joint_is_not_judged() -> None:
     """A laser beside axis 6, of which its mounting alone tells: 8.5 mm off, and it was said to meet 3 mm."""
     tool = {**LASER, "point_mm": [300.0, 0, 65]}
     run = simulated(good_plan(10, tool=tool, required={"tcp_mm": 3.0}), TABLE_2, 2)[1]
@@ -163,8 +163,8 @@ def test_a_tool_that_turns_with_a_joint_that_is_not_known_is_not_judged() -> Non
     assert "ass; whether it meets the required 3\u00a0mm cannot be said. J2 to J5 are" in said.verdict
     assert said.grade == "weak"
     assert "do not release" in said.action.text
-    assert any("turns with J6, which is not known" in text for text in said.cautions)
-    assert to_json(result)["region"]["name"].endswith(", on axis 6 (J6 is not known)")
+    assert any("rotates with J6, which is not determined" in text for text in said.cautions)
+    assert to_json(result)["region"]["name"].endswith(", on axis 6 (J6 not determined)")
     # Negative control: a tool on the axis is where it is, however J6 stands.
     on_axis = zb.analyse(measured(required={"tcp_mm": 3.0}), ess=100).result
     assert on_axis.conformity is not None

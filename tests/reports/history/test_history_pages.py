@@ -510,7 +510,7 @@ def test_a_misfit_at_the_end_is_said_first_and_does_not_count() -> None:
     assert "the model does not describe the measurements" in shown(own).words
 
 
-def test_no_due_date_where_the_tool_turns_with_an_assumed_offset() -> None:
+def test_no_due_date_where_the_tcp_rotates_with_an_assumed_offset() -> None:
     """A tool beside axis 6, whose offset is as good as the laser's mounting: it is never entered."""
     on_axis = over_years(3, walk=0.02)
     assert on_axis[-1].sensitivity_mm2 is not None
@@ -520,7 +520,7 @@ def test_no_due_date_where_the_tool_turns_with_an_assumed_offset() -> None:
     beside = [replace(one, sensitivity_mm2=tuple(map(tuple, square.tolist()))) for one in on_axis]
     own = arm_history(beside, tolerance_mm=1.0)
     assert own.row.due is None
-    assert own.arm.due_reason == "the TCP depends on offsets that rest on what is assumed: delta6"
+    assert own.arm.due_reason == "the TCP depends on offsets that are assumed: delta6"
 
 
 def test_one_result_says_nothing_of_drift() -> None:
