@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 from urllib.parse import quote
 
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter
@@ -22,6 +22,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from ...experiments.procedure.events import RunEvent
 from ...model.errors import BadInput
 from ...model.files.plan import PlanFile
 from ...model.files.whole_file import write_whole
@@ -125,6 +126,7 @@ class _Operation:
     returned: TypeAdapter[Any] | None = None
 
 
+_EVENTS: Any = Union[tuple(RunEvent.__subclasses__())]  # noqa: UP007 - of as many as there are
 _OTHERS = [
     _Operation("/api/files", "get", "The files below the folder.", returned=TypeAdapter(list[FolderFile])),
     _Operation("/api/file", "get", "A file, as it is.", parameters=(_FILE,)),
@@ -143,6 +145,7 @@ _OTHERS = [
         "get",
         "Server-sent events of a job: progress, log, run, end; from behind Last-Event-ID.",
         parameters=(_ID,),
+        returned=TypeAdapter(_EVENTS),
     ),
 ]
 

@@ -16,6 +16,7 @@ from ...interruption import obey
 from ...model.arrays import Matrix
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
+from ...model.kinematics.orientation import Three
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
@@ -94,9 +95,9 @@ def arm_sent(belief: Belief, shot: int, joints: Matrix, *, lit: bool) -> ArmSent
     return ArmSent(
         shot=shot,
         joints_deg=_rounded(joints * belief.problem.robot.display, 6),
-        arm=tuple(_rounded(point, 2) for point in points.T),
-        beam=tuple(_rounded(point, 2) for point in beam),
-        target=_rounded(belief.target, 2),
+        arm=tuple(map(_point, points.T)),
+        beam=tuple(map(_point, beam)),
+        target=_point(belief.target),
         lit=lit,
     )
 
@@ -112,6 +113,11 @@ def picture_taken(shot: int, image: Image) -> PictureTaken:
 
 def _rounded(values: Matrix, digits: int) -> tuple[float, ...]:
     return tuple((np.round(values, digits) + 0.0).tolist())
+
+
+def _point(point: Matrix) -> Three:
+    x, y, z = _rounded(point, 2)
+    return x, y, z
 
 
 class BeamPorts(Ports):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Annotated, ClassVar
 
@@ -10,8 +11,11 @@ from ...analysis.answer.answer_message import Message
 from ...analysis.observability.geometry_result import GeometryResult
 from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
-from ...model.records import if_any, internal, record
+from ...model.kinematics.orientation import Three
+from ...model.records import if_any, internal, key, record
+from ...words.numbers import fixed, significant, with_unit
 from ...words.sentences import to_json
+from ...words.wording import again_words, shown
 from .rig import RefusalReason, RefusedPosture
 
 
@@ -72,7 +76,7 @@ class SpotSeen(RunEvent):
     shot: int
     off_mm: float
     time_s: float
-    at_mm: tuple[float, ...] | None = None
+    at_mm: tuple[float, float] | None = None
     size_mm: float | None = None
 
 
@@ -88,9 +92,9 @@ class ArmSent(RunEvent):
     event: ClassVar[str] = "arm"
     shot: int
     joints_deg: tuple[float, ...]
-    arm: tuple[tuple[float, ...], ...]
-    beam: tuple[tuple[float, ...], ...]
-    target: tuple[float, ...]
+    arm: tuple[Three, ...]
+    beam: tuple[Three, ...]
+    target: Three
     lit: bool
 
 
@@ -119,6 +123,11 @@ class Retried(RunEvent):
     reason: RefusalReason
     found: str
 
+    @property
+    @key("what happened, in words")
+    def line(self) -> str:
+        return f"attempt {self.attempt} refused ({self.reason}): {shown(self.found)}"
+
 
 @record
 class GivenUp(RunEvent):
@@ -128,6 +137,16 @@ class GivenUp(RunEvent):
     shot: int
     reason: RefusalReason
     found: str
+
+    @property
+    @key("what happened, in words")
+    def line(self) -> str:
+        return f"given up ({self.reason}): {shown(self.found)}"
+
+
+CONTRADICTION = (
+    "The measurements contradict the model or each other: no estimate or uncertainty can be relied on"
+)
 
 
 @record
@@ -155,6 +174,19 @@ class MeasurementRecorded(RunEvent):
     tolerance: Mapping[str, float] = field(default_factory=dict)
     residuals: Mapping[int, float] = field(default_factory=dict)
 
+    @property
+    @key("what happened, in words")
+    def line(self) -> str:
+        took = "" if self.seconds is None else f" in {with_unit(f'{self.seconds:.1f}', 's')}"
+        if self.spot_mm is None:
+            return f"recorded{took}"
+        return f"recorded{took}, spot {significant(math.hypot(*self.spot_mm), 2, 'mm')} from the centre"
+
+    @property
+    @key("what a person is warned of, in words; null where nothing contradicts the model")
+    def warning(self) -> str | None:
+        return None if self.consistent else f"{CONTRADICTION}."
+
 
 @record
 class EnteredReading:
@@ -163,6 +195,23 @@ class EnteredReading:
     key: str
     words: str
     numbers: int
+
+
+_DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
+
+
+@record
+class PendantReading:
+    """A joint as the pendant shows it."""
+
+    name: str
+    value: float
+    unit: str
+
+    @property
+    @key("the value as it is read off, without its unit")
+    def text(self) -> str:
+        return fixed(self.value, _DIGITS.get(self.unit, 2))
 
 
 @record
@@ -180,13 +229,28 @@ class PostureRequested(RunEvent):
     done: int
     postures: int
     joints_deg: tuple[float, ...]
-    pendant: tuple[dict[str, str | float], ...]
+    pendant: tuple[PendantReading, ...]
     reads: tuple[EnteredReading, ...] = ()
     reflector: str | None = None
     instrument: str | None = None
     act: str = ""
     also: tuple[int, ...] = ()
     again: int | None = None
+
+    @property
+    @key("what is measured, in words")
+    def title(self) -> str:
+        of = max(self.postures, self.done + 1)
+        target = f", target {shown(self.target)}" if self.target not in ("", self.reflector) else ""
+        return (
+            f"Measurement {self.shot} ({self.done} of {of} done){again_words(self.again)}{target}"
+            f"{_which(self.instrument, self.reflector)}"
+        )
+
+
+def _which(instrument: str | None, reflector: str | None) -> str:
+    names = (("instrument", instrument), ("reflector", reflector))
+    return "".join(f", {what} {shown(name)}" for what, name in names if name)
 
 
 @record
@@ -199,6 +263,26 @@ class ReadingRequested(RunEvent):
     reads: tuple[EnteredReading, ...]
     instrument: str | None = None
     reflector: str | None = None
+
+    @property
+    @key("what is measured, in words")
+    def title(self) -> str:
+        return f"Measurement {self.shot}{_which(self.instrument, self.reflector)}"
+
+
+_CHOICES = {
+    "yes": "record it all the same",
+    "rad": "they are radians",
+    "metres": "they are metres",
+    "as": "it is measurement",
+    "redo": "repeat measurement",
+}
+
+
+def _choices(answers: Sequence[str]) -> dict[str, str]:
+    """What answers do: those of two words name a measurement."""
+    rows = ((answer, *answer.partition(" ")) for answer in answers)
+    return {answer: f"{_CHOICES[word]}{blank}{number}" for answer, word, blank, number in rows}
 
 
 @record
@@ -213,6 +297,11 @@ class Doubted(RunEvent):
     found: str
     answers: tuple[str, ...]
 
+    @property
+    @key("what each of the answers does, in words")
+    def choices(self) -> dict[str, str]:
+        return _choices(self.answers)
+
 
 @record
 class Withdrawn(RunEvent):
@@ -220,6 +309,11 @@ class Withdrawn(RunEvent):
 
     event: ClassVar[str] = "withdrawn"
     shot: int
+
+    @property
+    @key("what happened, in words")
+    def line(self) -> str:
+        return "withdrawn, to be measured again"
 
 
 @record
@@ -230,6 +324,17 @@ class Suspected(RunEvent):
     shot: int
     p_value: float
     residual_mm: float
+
+    @property
+    @key("what happened, in words")
+    def line(self) -> str:
+        residual = significant(self.residual_mm, 2, "mm")
+        return f"contradicts the others: its residual at their fit is {residual}"
+
+    @property
+    @key("what may be answered, and what that does, in words")
+    def choices(self) -> dict[str, str]:
+        return _choices([f"redo {self.shot}"])
 
 
 @record

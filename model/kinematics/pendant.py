@@ -132,10 +132,10 @@ class Pendant:
         """(…, n) the values that the pendant shows, in its order."""
         return np.asarray((self.counted(joints) * self._per_degree)[..., self.order])
 
-    def readings(self, joints: Matrix) -> list[dict[str, str | float]]:
-        """The same of one posture (n,), with names and units."""
+    def readings(self, joints: Matrix) -> list[tuple[str, float, str]]:
+        """Name, value and unit of each joint of one posture (n,) in the pendant's order."""
         return [
-            {"name": self.names[i], "value": round(value, 6), "unit": self.units[i]}
+            (self.names[i], round(value, 6), self.units[i])
             for i, value in zip(self.order, self.shown(joints).tolist(), strict=True)
         ]
 

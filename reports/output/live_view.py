@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...experiments.procedure.events import (
+    CONTRADICTION,
     Attempted,
     Doubted,
     EnteredReading,
@@ -32,7 +33,7 @@ from ...experiments.procedure.events import (
     Withdrawn,
 )
 from ...words import numbers
-from ...words.wording import again_words, clipped, counted, ended, label, listed, sentence, shown
+from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
 from .terminal import STYLE
 
 _REDRAWN = 8  # times a second
@@ -115,11 +116,10 @@ class UnderWay:
                 return replace(now, phase=event.phase)
             case SpotSeen():
                 return replace(now, off_mm=(*now.off_mm, event.off_mm)[-_STEPS:])
-            case Retried(attempt, shot, reason, what):
-                trouble = f"measurement {shot}, attempt {attempt} refused ({reason}): {what}"
-                return replace(now, trouble=trouble)
-            case GivenUp(shot, reason, what):
-                trouble = f"measurement {shot} given up ({reason}): {what}"
+            case Retried():
+                return replace(now, trouble=f"measurement {event.shot}, {event.line}")
+            case GivenUp():
+                trouble = f"measurement {event.shot} {event.line}"
                 return replace(now, shot=None, refused=now.refused + 1, trouble=trouble)
             case MeasurementRecorded():
                 return replace(
@@ -166,9 +166,8 @@ def drawn(now: UnderWay) -> RenderableType:
     grid.add_row("largest u", Text(worst + tolerance))
     lines: list[RenderableType] = [grid]
     if not now.consistent:
-        measure = "" if now.p_value is None else f" (p {numbers.p_value(now.p_value)})"
-        text = f"The measurements contradict the model{measure}: no estimate or uncertainty can be relied on."
-        lines.append(Text("! ", style="bold yellow") + Text(text))
+        measure = "" if now.p_value is None else f" (p-value {numbers.p_value(now.p_value)})"
+        lines.append(Text("! ", style="bold yellow") + Text(f"{CONTRADICTION}{measure}."))
     if now.trouble:
         lines.append(Text("! ", style="bold yellow") + Text(sentence(now.trouble)))
     return Group(*lines)
@@ -215,14 +214,6 @@ def _stds(std: Mapping[str, float | None]) -> RenderableType:
     return Columns(cells, padding=(0, 2), equal=True)
 
 
-_DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
-_ANSWERS = {
-    "yes": "'yes' records it all the same",
-    "rad": "'rad' takes them as radians",
-    "metres": "'metres' takes them as metres",
-}
-
-
 def led_view(console: Console) -> Listener:
     """Takes the events of a run by hand and prints them, line by line."""
     before: Mapping[str, float | None] = {}
@@ -240,13 +231,14 @@ def led_view(console: Console) -> Listener:
             case PostureRequested():
                 console.print()
                 _say(console, _request(event, joints), "bold")
-                _say(console, _joints(event.pendant))
+                _say(console, f"  {', '.join(f'{shown(one.name)} {one.text}' for one in event.pendant)}")
             case ReadingRequested():
                 _say(console, _reading(event), "bold")
             case Doubted(kind="help"):
                 _say(console, sentence(event.found))
             case Doubted():
-                _say(console, f"! Not recorded: {ended(shown(event.found))}{_choices(event)}", "yellow")
+                text = f"! Not recorded: {ended(shown(event.found))}{_choices(event.choices)}"
+                _say(console, text, "yellow")
             case MeasurementRecorded():
                 _say(
                     console,
@@ -286,46 +278,21 @@ def _beginning(event: RunOpened) -> str:
 
 def _request(event: PostureRequested, joints: str) -> str:
     """`joints` says what a person does for them."""
-    done = f"{event.done}" + (f" of {event.postures}" if event.shot < event.postures else "") + " done"
-    which = _which(event.instrument, event.reflector)
     also = f"; then measurement {listed([str(number) for number in event.also])}" if event.also else ""
-    what = shown(event.target) if event.reads else f"target {shown(event.target)}"
     reads = f"; then {_reads(event.reads)}" if event.reads else ""
-    return (
-        f"Measurement {event.shot}{again_words(event.again)} ({done}), {what}{which}: go there,"
-        f" {event.act}, and {joints}{reads}{also}."
-    )
-
-
-def _which(instrument: str | None, reflector: str | None) -> str:
-    names = (("instrument", instrument), ("reflector", reflector))
-    return "".join(f", {what} {shown(name)}" for what, name in names if name)
+    return f"{event.title}: go there, {event.act}, and {joints}{reads}{also}."
 
 
 def _reading(event: ReadingRequested) -> str:
-    return f"Type {_reads(event.reads)}{_which(event.instrument, event.reflector)}: measurement {event.shot}."
+    return f"{event.title}: type {_reads(event.reads)}."
 
 
 def _reads(reads: Sequence[EnteredReading]) -> str:
     return listed([f"the {read.words}" for read in reads])
 
 
-def _joints(readings: Sequence[Mapping[str, str | float]]) -> str:
-    """Names and values as the pendant has them."""
-    texts = []
-    for reading in readings:
-        digits = _DIGITS.get(str(reading["unit"]), 2)
-        texts.append(f"{shown(str(reading['name']))} {numbers.fixed(float(reading['value']), digits)}")
-    return f"  {', '.join(texts)}"
-
-
-def _choices(event: Doubted) -> str:
-    words = [
-        f"'{answer}' repeats that measurement"
-        if answer.startswith("redo ")
-        else _ANSWERS.get(answer, f"'{answer}' takes it for that posture")
-        for answer in event.answers
-    ]
+def _choices(choices: Mapping[str, str]) -> str:
+    words = [f"'{answer}': {does}" for answer, does in choices.items()]
     return f" {'; '.join(words)}; or type again." if words else ""
 
 
@@ -350,7 +317,6 @@ def _contradiction(last: int | None) -> str:
 
 def _suspected(event: Suspected) -> str:
     return (
-        f"! Measurement {event.shot} contradicts the others: its residual at their fit is"
-        f" {numbers.significant(event.residual_mm, 2, 'mm')} (p-value {numbers.p_value(event.p_value)})."
+        f"! Measurement {event.shot} {event.line} (p-value {numbers.p_value(event.p_value)})."
         f" 'redo {event.shot}' repeats it."
     )

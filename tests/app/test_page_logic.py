@@ -39,24 +39,6 @@ def test_numbers_are_read_as_meant_or_refused(tmp_path: Path) -> None:
     assert dict(zip(lists, told[1], strict=True)) == lists
 
 
-def test_what_a_person_is_asked_is_counted_as_in_the_terminal(tmp_path: Path) -> None:
-    asked = {"shot": 3, "done": 1, "postures": 7, "again": None, "target": "psd"}
-    extra = {**asked, "done": 7, "again": 0, "target": None, "instrument": "laser"}
-    at_once = {"shot": 4, "instrument": "tracker", "reflector": "R2"}
-    cases = [[asked, None], [extra, None], [asked, at_once]]
-    told = paged(tmp_path, "measure/Hand.js", "input.map((one) => m.title(...one))", cases)
-    assert told == [
-        "Measurement 3 (1 of 7 done), target psd",
-        "Measurement 3 (7 of 8 done), posture 0 again, instrument laser",
-        "Measurement 4 (1 of 7 done), instrument tracker, reflector R2",
-    ]
-
-
-def test_an_answer_to_a_doubt_is_a_button_that_says_what_it_does(tmp_path: Path) -> None:
-    told = paged(tmp_path, "measure/Hand.js", "input.map(m.answerText)", ["yes", "as 4", "redo 2"])
-    assert told == ["Record it all the same", "It is measurement 4", "Repeat measurement 2"]
-
-
 def test_readings_that_could_be_misread_are_not_sent(tmp_path: Path) -> None:
     texts = {
         "1234,5 20 300": [1234.5, 20, 300], "1.5; 2; 3": [1.5, 2, 3], "1.234,5 20 300": None,

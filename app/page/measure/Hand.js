@@ -5,37 +5,15 @@ import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { ALLOWED, parsed, parsedList } from "../core/decimal.js";
 import { attempt, say } from "../core/store.js";
-import { capital, fixed, unitSign } from "../core/words.js";
+import { capital, unitSign } from "../core/words.js";
 import { answer, run } from "./running.js";
 import { heard } from "../parts/Controls.js";
 
 const PATIENCE_MS = 2000; // until values that bring no answer count as too few
-/** @type {Record<string, string>} */
-const ANSWERS = { yes: "Record it all the same", rad: "They are radians", metres: "They are metres" };
-/** @type {Record<string, number>} */
-const DIGITS = { rad: 4, pulse: 0 };
-/** What takes an answer; the server asks by the numbers of files. @param {string} word */
-export const answerText = (word) => ANSWERS[word]
-  ?? (word.startsWith("redo ") ? `Repeat measurement ${word.slice(5)}` : `It is measurement ${word.slice(3)}`);
-
-/**
- * Counted as the terminal does.
- * @param {import("./events.js").Asked} asked
- * @param {import("./events.js").ReadingAsked | null} reading that of another measurement at the posture, perhaps
- */
-export function title(asked, reading) {
-  const { shot, instrument, reflector } = reading ?? asked;
-  const target = shot === asked.shot && asked.target && asked.target !== reflector;
-  const parts = [`Measurement ${shot} (${asked.done} of ${Math.max(asked.postures, asked.done + 1)} done)`,
-    ...(asked.again === null ? [] : [`posture ${asked.again} again`]),
-    ...(target ? [`target ${asked.target}`] : []), ...(instrument ? [`instrument ${instrument}`] : []),
-    ...(reflector ? [`reflector ${reflector}`] : [])];
-  return parts.join(", ");
-}
 
 /**
  * The numbers of a reading; null where it is not so many, or could be misread.
- * @param {import("./events.js").Entered} read @param {string} text
+ * @param {import("answers").EnteredReading} read @param {string} text
  */
 export function numbersOf(read, text) {
   const numbers = read.numbers === 1 ? [parsed(text)] : parsedList(text);
@@ -43,16 +21,16 @@ export function numbersOf(read, text) {
 }
 
 /**
- * @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null,
- *   doubt: import("./events.js").Doubt | null, suspect?: number | null, live?: boolean}} props
+ * @param {{asked: import("answers").PostureRequested, reading: import("answers").ReadingRequested | null,
+ *   doubt: import("answers").Doubted | null, suspect: import("answers").Suspected | null, live: boolean}} props
  *   `reading`: what is read, once the joints are taken; `suspect`: a measurement that contradicts the others;
  *   `live`: the joints are read from the controller
  */
-export function Hand({ asked, reading, doubt, suspect = null, live = false }) {
+export function Hand({ asked, reading, doubt, suspect, live }) {
   const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null));
   const first = useRef(/** @type {HTMLInputElement | null} */ (null));
   const text = useSignal(""), texts = useSignal(/** @type {Record<string, string>} */ ({})), problem = useSignal("");
-  const heading = title(asked, reading), reads = live && reading === null ? [] : (reading ?? asked).reads;
+  const heading = (reading ?? asked).title, reads = live && reading === null ? [] : (reading ?? asked).reads;
   const focus = () => (reading === null ? field : first).current?.focus();
   useEffect(() => {
     text.value = problem.value = "";
@@ -89,7 +67,7 @@ export function Hand({ asked, reading, doubt, suspect = null, live = false }) {
   };
   const words = problem.value
     || (doubt === null ? "" : doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`);
-  const answers = [...(doubt?.answers ?? []), ...(suspect === null ? [] : [`redo ${suspect}`])];
+  const choices = Object.entries({ ...doubt?.choices, ...suspect?.choices });
   return html`
     <form class="hand" aria-label="The next posture"
       onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); record(); }}>
@@ -97,7 +75,7 @@ export function Hand({ asked, reading, doubt, suspect = null, live = false }) {
       ${reading === null ? html`
         <ul class="asked" aria-label="Joints as planned, in the pendant’s counting">
           ${asked.pendant.map((joint) => html`
-            <li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}
+            <li key=${joint.name}><b>${joint.name}</b> ${joint.text}
             <small>${unitSign(joint.unit)}</small></li>`)}
         </ul>
         ${live ? html`<p>Move the arm there, ${asked.act}, let it rest, and record: its joints are read.</p>`
@@ -115,10 +93,10 @@ export function Hand({ asked, reading, doubt, suspect = null, live = false }) {
             onInput=${heard((line) => { texts.value = { ...texts.value, [read.key]: line }; problem.value = ""; })}
               onKeyDown=${enter} /></label>`)}
       <div id="hand-doubt" role="alert">${words && html`<p class="error">${words}</p>`}
-        ${answers.length > 0 && html`
+        ${choices.length > 0 && html`
           <div class="bar">
-            ${[...new Set(answers)].map((word) => html`
-              <button type="button" key=${word} onClick=${() => send(word)}>${answerText(word)}</button>`)}</div>`}
+            ${choices.map(([word, does]) => html`
+              <button type="button" key=${word} onClick=${() => send(word)}>${capital(does)}</button>`)}</div>`}
       </div>
       <p class="bar">
         <button class="main">Record</button>

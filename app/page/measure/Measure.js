@@ -107,7 +107,7 @@ function Known({ point, tolerances, consistent }) {
 
 /** The course of u, the residuals, and what has happened, the newest first.
  * @param {{rows: import("./events.js").CoursePoint[], tolerances: Record<string, number>,
- *   residuals: import("./events.js").Residuals, suspect: number | null, lines: import("./events.js").Line[]}} props */
+ *   residuals: Record<string, number>, suspect: number | null, lines: import("./events.js").Line[]}} props */
 function Drawer({ rows, tolerances, residuals, suspect, lines }) {
   return html`
     <div class="run-drawer">
@@ -193,7 +193,7 @@ export function Measure() {
     ${confirming && html`<${Confirm} text=${seen.confirm} />`}
     ${byHand && html`
       <${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt}
-        suspect=${seen.suspect?.shot ?? null} live=${seen.rig === "live"} />`}
+        suspect=${seen.suspect} live=${seen.rig === "live"} />`}
     ${!underWay.value && html`
       <${Unfinished} /><h2>${following ? "Another run" : "Carry the plan out"}</h2>
       <${Start} plan=${plan} rigs=${offered.value?.of === plan ? offered.value.rigs : null}

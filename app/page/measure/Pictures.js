@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { fixed } from "../core/words.js";
 import { Plot, power } from "../parts/Plot.js";
 
-/** @typedef {import("./events.js").Spot} Spot */
+/** @typedef {import("answers").SpotSeen} Spot */
 
 const SIDE = 200;
 const path = (/** @type {number[][]} */ points) => points.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
@@ -54,7 +54,7 @@ export function Face({ trace, kept, size }) {
     </svg>`;
 }
 
-/** @param {{seen: import("./events.js").Camera}} props */
+/** @param {{seen: import("answers").PictureTaken}} props */
 export function CameraPicture({ seen }) {
   const canvas = useRef(/** @type {HTMLCanvasElement | null} */ (null));
   useEffect(() => {
@@ -74,7 +74,7 @@ export function CameraPicture({ seen }) {
 
 /**
  * The normalised residual of each measurement at the fit to those so far.
- * @param {{residuals: import("./events.js").Residuals, suspect: number | null}} props
+ * @param {{residuals: Record<string, number>, suspect: number | null}} props
  */
 export function Residuals({ residuals, suspect }) {
   const shots = Object.keys(residuals).map(Number), sizes = Object.values(residuals);

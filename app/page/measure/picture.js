@@ -39,10 +39,8 @@ export async function preparePlan(file, version) {
 export const units = computed(() =>
   Object.fromEntries((planned.value?.checked.parameters ?? []).map((row) => [row.name, row.unit])));
 
-/** @type {import("@preact/signals").ReadonlySignal<ShownPosture[]>} */
-const postures = computed(() =>
-  /** @type {ShownPosture[]} */ (/** @type {unknown} */ ((planned.value?.checked.scene ?? [])
-  .map((posture, i) => ({ ...posture, name: `measurement ${i}`, beam: null, joints: posture.joints_deg })))));
+const postures = computed(() => (planned.value?.checked.scene ?? [])
+  .map((posture, i) => ({ ...posture, name: `measurement ${i}`, beam: null, joints: posture.joints_deg })));
 
 /** Where the arm is drawn now, on its way to where it was sent. */
 const joints = signal(/** @type {number[] | null} */ (null));
@@ -89,7 +87,6 @@ export const picture = computed(() => {
   const plan = planned.value;
   if (!plan) return null;
   const now = arm.value, list = now ? [...postures.value, now] : postures.value;
-  const scene = { of: `run ${plan.of}`, reach: plan.robot.reach_mm, arm: plan.robot, postures: list,
-    marks: plan.checked.marks };
-  return { scene: /** @type {Scene3D} */ (/** @type {unknown} */ (scene)), chosen: now ? list.length - 1 : null };
+  return { scene: { of: `run ${plan.of}`, reach: plan.robot.reach_mm, arm: plan.robot, postures: list,
+    marks: plan.checked.marks }, chosen: now ? list.length - 1 : null };
 });

@@ -201,13 +201,8 @@ export function progress(at, seen) {
 /** What looks wrong. @param {JobState} at @param {RunSeen} seen */
 export function remarks(at, seen) {
   const list = [];
-  if (!seen.consistent && !seen.end) {
-    list.push("The measurements contradict the model or each other: no estimate or uncertainty can be relied on.");
-  }
-  if (seen.suspect) {
-    const { shot, residual_mm } = seen.suspect;
-    list.push(`Measurement ${shot} contradicts the others: its residual at their fit is ${residual_mm.toFixed(3)} mm.`);
-  }
+  if (seen.warning && !seen.end) list.push(seen.warning);
+  if (seen.suspect) list.push(`Measurement ${seen.suspect.shot} ${seen.suspect.line}.`);
   if (seen.stopped && seen.stopped !== "interrupted") list.push(seen.stopped);
   else if (seen.trouble && !seen.end) list.push(seen.trouble);
   if (at.state === "failed") {

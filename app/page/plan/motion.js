@@ -16,8 +16,7 @@ const played = signal({ direction: -1, of: /** @type {unknown} */ (null) });
  */
 export const motion = computed(() => {
   const { direction, of } = played.value, body = arm.value, along = answer.value?.null_motion[direction];
-  const place = /** @type {import("../scene/types.js").ShownPosture & {target: Vec, target_name: string}} */ (
-    /** @type {unknown} */ (answer.value?.scene[chosen.value]));
+  const place = answer.value?.scene[chosen.value];
   if (of !== plan.value || !body || !place || !along) return null;
   const frames = Array.from({ length: 2 * STEPS + 1 }, (_, i) => {
     const share = (i - STEPS) / STEPS, by = along.joints_deg.map((v) => share * v);

@@ -13,7 +13,7 @@ import { fixed } from "../core/words.js";
 export const LEAST_OFF_MM = 0.05;
 
 /** The meshes of the plan's URDF; undefined where it has none. */
-export const meshes = signal(/** @type {import("../scene/types.js").LinkMesh[] | undefined} */ (undefined));
+export const meshes = signal(/** @type {import("answers").LinkMesh[] | undefined} */ (undefined));
 /** What is left out of them. */
 export const meshNotes = signal(/** @type {string[]} */ ([]));
 let meshesOf = "";
@@ -26,7 +26,7 @@ effect(() => {
   if (!key) return;
   post("/api/meshes", { robot: JSON.parse(key) }).then((found) => {
     if (meshesOf !== key) return;
-    meshes.value = /** @type {import("../scene/types.js").LinkMesh[]} */ (found.meshes);
+    meshes.value = found.meshes;
     meshNotes.value = found.notes;
   }, (error) => {
     if (!(error instanceof Refused)) throw error;
@@ -52,9 +52,9 @@ export const postureName = (i) => `measurement ${i}`;
 const obstacles = computed(() => JSON.stringify(plan.value?.constraints?.obstacles?.boxes ?? []));
 /**
  * The value before where the new one is the same: only what has changed is drawn anew.
- * @template T @param {T} before @param {T} now
+ * @template T @param {T | undefined} before @param {T} now @returns {T}
  */
-const kept = (before, now) => (JSON.stringify(before) === JSON.stringify(now) ? before : now);
+const kept = (before, now) => (before && JSON.stringify(before) === JSON.stringify(now) ? before : now);
 /** What was shown last. @type {Partial<Scene3D>} */
 let last = {};
 
@@ -63,18 +63,18 @@ export const picture = computed(() => {
   const found = answer.value, body = arm.value;
   if (body === null || !found?.scene) return null;
   const boxes = /** @type {import("answers").Box[]} */ (JSON.parse(obstacles.value));
-  return last = /** @type {Scene3D} */ (/** @type {unknown} */ ({
+  return last = {
     of: `plan ${file.value} ${body.name}`,
     reach: body.reach_mm,
     arm: body,
     meshes: meshes.value,
-    postures: found.scene.map((posture, i) => kept(/** @type {unknown} */ (last.postures?.[i]),
+    postures: found.scene.map((posture, i) => kept(last.postures?.[i],
       { ...posture, name: postureName(i), joints: posture.joints_deg, counted: counted(body, posture.joints_deg) })),
-    marks: kept(/** @type {unknown} */ (last.marks), found.marks),
+    marks: kept(last.marks, found.marks),
     boxes: kept(last.boxes,
       boxes.map(({ name, min_mm, max_mm }, i) =>
         ({ name, min: min_mm, max: max_mm, touched: found.touched_boxes[i] ?? false }))),
-  }));
+  };
 });
 
 const tenth = (/** @type {number} */ value) => Math.round(10 * value) / 10;

@@ -50,11 +50,11 @@ export function Picture({ found }) {
   // Before and after are drawn with one factor: else they could not be compared.
   const longest = Math.max(0, ...[...vectors("before"), ...vectors("after")].map((one) => length(one.by)));
   const factor = stated.value ?? factorFor(longest, reach), most = Math.max(1, ...residuals.map((one) => one.whitened));
+  /** @type {import("../scene/types.js").Scene3D} */
   const scene = {
     of: `result ${found.file || found.run}`, reach,
-    arm: /** @type {import("../scene/types.js").DrawnArm} */ (/** @type {unknown} */ (arm)), marks: [],
-    postures: /** @type {import("../scene/types.js").Vec[][]} */ (found.skeletons
-      ?? [arm.skeleton]).map((skeleton, i) =>
+    arm, marks: [],
+    postures: (found.skeletons ?? [arm.skeleton]).map((skeleton, i) =>
       ({ name: `measurement ${found.residuals?.[i]?.shot ?? i}`, skeleton })),
     vectors: items.length ? { factor, items: items.map((one) => ({ ...one, tone: now === "before" ? BEFORE : AFTER })) }
       : undefined,

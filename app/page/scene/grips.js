@@ -121,7 +121,7 @@ export class Grips {
    */
   flangeTurn(posture) {
     const { scene } = this.view, first = scene?.arm.poses?.[0];
-    if (!scene || !first || !posture.links) return null;
+    if (!scene || !first?.quaternion_wxyz || !posture.links) return null;
     const turnOf = (/** @type {number[][]} */ rows) =>
       new THREE.Quaternion().setFromRotationMatrix(new THREE.Matrix4().set(rows[0][0], rows[0][1], rows[0][2], 0,
         rows[1][0], rows[1][1], rows[1][2], 0, rows[2][0], rows[2][1], rows[2][2], 0, 0, 0, 0, 1));

@@ -5,17 +5,8 @@
 
 /**
  * The answer of POST /api/robot, as far as it is drawn.
- * @typedef {object} DrawnArm
- * @property {string} name
- * @property {Vec[]} skeleton n + 2 points: base, joints, flange
- * @property {Vec[]} axes n unit vectors
- * @property {number[][][]} links n + 1 poses, rows of 3 × 4
- * @property {number} [reach_mm]
- * @property {{below_base_mm: number|null}} mounting
- * @property {{name: string, kind: string, unit: string, lower: number, upper: number}[]} joints
- * @property {number[][]} [ranges] n limits with joint 3 from link 2; those of `joints` are the pendant's
- * @property {{names: string[]}} [pendant]
- * @property {{joints_deg: number[], xyz_mm: number[], quaternion_wxyz: number[]}[]} [poses]
+ * @typedef {Pick<import("answers").DrawnArm, "name" | "skeleton" | "axes" | "links" | "joints" | "mounting"> &
+ *   Partial<Pick<import("answers").DrawnArm, "reach_mm" | "ranges" | "pendant" | "poses">>} DrawnArm
  */
 
 /**
@@ -36,7 +27,7 @@
  */
 
 /** @typedef {{name: string, min: Vec, max: Vec, touched?: boolean}} Box */
-/** @typedef {{link: number, vertices: Vec[], faces: number[][]}} LinkMesh */
+/** @typedef {import("answers").LinkMesh} LinkMesh */
 /**
  * @typedef {{factor: number, items: {at: Vec, by: Vec, tone: import("./bodies.js").Tone}[]}} Vectors `by` is drawn
  *   `factor` times as long

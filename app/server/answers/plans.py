@@ -23,6 +23,7 @@ from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.plan import Obstacles, Plan, plan_of, write_plan
 from ....model.instruments.kind import POINT, Mark, Target
+from ....model.kinematics.orientation import Three
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.parsing.validation import as_tuple, validate
 from ....model.records import if_any, it, record
@@ -72,19 +73,17 @@ class PostureScene:
     """A posture as the servo will leave it, mm in the base frame."""
 
     joints_deg: list[float]
-    skeleton: Annotated[list[list[float]], it("the arm's points")]
-    tool: list[float]
-    beam: Annotated[list[list[float]] | None, it("from the laser to its end; null for a probe")]
-    target: list[float]
+    skeleton: Annotated[list[Three], it("the arm's points")]
+    tool: Three
+    beam: Annotated[list[Three] | None, it("from the laser to its end; null for a probe")]
+    target: Three
     target_name: str
     reaches: Annotated[bool, it("beam or probe comes to the target")]
     violations: Annotated[list[str], it("what it breaks of the plan's constraints, in words")]
     touches: list[str]
     blocked: Annotated[bool, it("the arm or a box is in the way of the beam, or of a line of sight")]
-    sights: Annotated[list[list[list[float]]], it("lines to what an instrument measures")]
-    axes: Annotated[list[list[float]] | None, it("n unit vectors, of the joints; with `links`"), if_any] = (
-        None
-    )
+    sights: Annotated[list[list[Three]], it("lines to what an instrument measures")]
+    axes: Annotated[list[Three] | None, it("n unit vectors, of the joints; with `links`"), if_any] = None
     links: Annotated[
         list[list[list[float]]] | None, it("n + 1 poses of base and links: rows of 3 x 4"), if_any
     ] = None
@@ -96,8 +95,8 @@ class CellMark:
 
     kind: Mark
     name: str
-    at: list[float]
-    normal: Annotated[list[float] | None, if_any] = None
+    at: Three
+    normal: Annotated[Three | None, if_any] = None
     radius: Annotated[float | None, it("of a ball or a face"), if_any] = None
     acceptance_deg: Annotated[float | None, it("largest angle of a beam to the normal"), if_any] = None
 
@@ -376,8 +375,8 @@ def _marks(aimed: AimedPlan) -> Iterator[CellMark]:
                 yield CellMark(
                     kind=entry.kind if kind.mark == POINT else kind.mark,
                     name=name,
-                    at=list(entry.guess_mm),
-                    normal=None if entry.normal is None else list(entry.normal),
+                    at=entry.guess_mm,
+                    normal=entry.normal,
                     radius=radius,
                 )
         elif kind.beam:
@@ -386,14 +385,14 @@ def _marks(aimed: AimedPlan) -> Iterator[CellMark]:
                 kind=kind.mark,
                 name=name,
                 at=rounded(at_target, 3),
-                normal=None if facing is None else list(facing),
+                normal=facing,
                 acceptance_deg=None if facing is None else kept.acceptance_deg,
             )
         else:
             yield CellMark(kind=kind.mark, name=name, at=rounded(at_target, 3))
 
 
-def _sights(aimed: AimedPlan, joints: Matrix) -> list[list[list[list[float]]]]:
+def _sights(aimed: AimedPlan, joints: Matrix) -> list[list[list[Three]]]:
     """Per posture the lines to what is measured."""
     problem, parts = aimed.problem, aimed.problem.split(aimed.x)
     poses = problem.poses(aimed.x, joints)

@@ -16,6 +16,7 @@ from ....analysis.status import NOT_DESCRIBED
 from ....model.arrays import Mask, Matrix
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
+from ....model.kinematics.orientation import Three
 from ....model.records import inline, it, record
 from ....reports.output.html import fragment
 from ....reports.run.front import front
@@ -40,8 +41,6 @@ from .actions import OfferedAction, action_of_result
 # enter leave is known only where the geometry is exact: else they make up for links as well, and how well
 # is an expectation.
 
-Vec = tuple[float, float, float]
-
 _MOVES_MM = 1e-3  # by so much where it is one degree (mm) off: an offset that moves the TCP by less does not
 _recorded = kept(4)(read_run)
 
@@ -58,9 +57,9 @@ class TcpErrors:
 class TcpVector:
     """The displacement of the TCP at a posture, mm."""
 
-    at: Annotated[Vec, it("where a controller with nothing entered has the TCP, base frame")]
-    before: Annotated[Vec | None, it("from there to where it is by the offsets; null: not known")]
-    after: Annotated[Vec | None, it("what is left of that with the values entered; null: not known")]
+    at: Annotated[Three, it("where a controller with nothing entered has the TCP, base frame")]
+    before: Annotated[Three | None, it("from there to where it is by the offsets; null: not known")]
+    after: Annotated[Three | None, it("what is left of that with the values entered; null: not known")]
 
 
 @record(kw_only=True)
@@ -68,7 +67,7 @@ class ResidualShown:
     """A residual where it was measured."""
 
     shot: int
-    at: Vec
+    at: Three
     size_mm: float
     whitened: float
 
@@ -81,7 +80,7 @@ class InWorkspace:
     tcp_map: list[TcpVector] | None
     tcp_why: str | None
     residuals: list[ResidualShown] | None
-    skeletons: list[list[Vec]] | None
+    skeletons: list[list[Three]] | None
 
 
 def in_workspace(result: Result, run: Path | None) -> InWorkspace:
@@ -213,7 +212,7 @@ def _errors(vectors: list[TcpVector]) -> TcpErrors | None:
     return TcpErrors(before=float(np.median(before)), after=float(np.median(after)) if after else None)
 
 
-def _vec(values: Matrix) -> Vec:
+def _vec(values: Matrix) -> Three:
     x, y, z = values.tolist()
     return x, y, z
 

@@ -24,6 +24,7 @@ from ....model.files.robot_file import built_in_robots, load_robot, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.instruments.frames import rotation_of_quaternion
 from ....model.kinematics.inverse import nearest_posture
+from ....model.kinematics.orientation import Three
 from ....model.kinematics.pendant import beyond_limits
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import decode, read_bytes
@@ -158,8 +159,8 @@ class BuiltInRobot:
 class DrawnArm(ShownArm):
     """`zerobeam/arm/1` (docs/files.md), and the arm in its first posture, in the base frame."""
 
-    skeleton: Annotated[list[list[float]], it("n + 2 points, mm: base, joints, flange")]
-    axes: Annotated[list[list[float]], it("n unit vectors, of the joints")]
+    skeleton: Annotated[list[Three], it("n + 2 points, mm: base, joints, flange")]
+    axes: Annotated[list[Three], it("n unit vectors, of the joints")]
     links: Annotated[list[list[list[float]]], it("n + 1 poses of base and links: rows of 3 x 4")]
     ranges: Annotated[
         list[list[float]],
@@ -173,7 +174,7 @@ class LinkMesh:
     """What a URDF shows of a link."""
 
     link: Annotated[int, it("0: the base; k: the link behind joint k of the chain")]
-    vertices: Annotated[list[list[float]], it("in the link's frame, mm")]
+    vertices: Annotated[list[Three], it("in the link's frame, mm")]
     faces: Annotated[list[list[int]], it("three vertices each")]
 
 
@@ -271,8 +272,8 @@ def require_robot_inside(folder: Folder, content: Any, start: Path) -> None:
         folder.inside(name, start)
 
 
-def rounded(values: Matrix, digits: int) -> list[Any]:
-    return (np.round(values, digits) + 0.0).tolist()  # type: ignore[no-any-return]
+def rounded(values: Matrix, digits: int) -> Any:
+    return (np.round(values, digits) + 0.0).tolist()
 
 
 @end_point("POST /api/meshes", "What a URDF shows of its links, as triangles.")

@@ -25,7 +25,14 @@ from ....model.likelihood.problem import Problem
 from ....model.parsing.reading import shown
 from ...makers.joint_text import joints_so_far, labelled, typed_joints
 from ...procedure.beam_ports import arm_sent
-from ...procedure.events import Doubted, EnteredReading, Listener, PostureRequested, ReadingRequested
+from ...procedure.events import (
+    Doubted,
+    EnteredReading,
+    Listener,
+    PendantReading,
+    PostureRequested,
+    ReadingRequested,
+)
 from ...procedure.session import Paused, Ports, Reading, Skipped, TakenBack
 from ...procedure.steering import Belief
 from ...sensors.attached import InstrumentLines, ReadingRefused
@@ -440,7 +447,7 @@ class HandPorts(Ports):
                 done=len(self._recorded) + len(self._refused),
                 postures=len(self.plan.postures),
                 joints_deg=tuple(round(float(value), 6) for value in self.pendant.counted(joints)),
-                pendant=tuple(self.pendant.readings(joints)),
+                pendant=tuple(PendantReading(*one) for one in self.pendant.readings(joints)),
                 reads=self._readings.reads(number),
                 reflector=reflector,
                 instrument=instrument,

@@ -69,7 +69,7 @@ def test_order_names_unit_and_counting_of_a_pendant(tmp_path: Path) -> None:
     joints = np.array([10.0, 20.0, 50.0])  # joint 3 from link 2; the pendant shows 50 - 20 = 30 deg of it
     assert pendant.shown(joints).tolist() == [30 * 500, 10 * 1000, 20 * -2000]
     assert pendant.read(pendant.shown(joints)) == pytest.approx(joints)
-    assert [reading["name"] for reading in pendant.readings(joints)] == ["U", "S", "L"]
+    assert [name for name, _, _ in pendant.readings(joints)] == ["U", "S", "L"]
     assert pendant.counted(joints).tolist() == [10, 20, 30]
     for word in ("from the ground", "U, S, L", "pulses"):
         assert word in pendant.sentence
