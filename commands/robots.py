@@ -77,7 +77,7 @@ def robot(
     new: made from rows, a data sheet or a URDF. With -o: a copy of another's.
     """
     from ..experiments.arm_shown import typed_arm
-    from ..experiments.new_robot import content_of, copy_robot, with_fanuc_backup, write_robot
+    from ..experiments.new_robot import copy_robot, stated_arm, with_fanuc_backup, write_robot
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
     from ..reports.output.terminal import print_rows
@@ -101,8 +101,8 @@ def robot(
                 allowed="-o FILE.yaml and --vendor MAKER",
                 remedy="zerobeam robot new -o mine.yaml --vendor doosan, with the maker of your arm",
             )
-        content, head = content_of(file.stem, new, base, tip)
-        write_robot(file, with_fanuc_backup(content, fanuc_backup), head)
+        made, head = stated_arm(file.stem, new, base, tip)
+        write_robot(file, with_fanuc_backup(made, fanuc_backup), head)
         base = tip = None
         name = str(file)
         if picture is None:

@@ -12,16 +12,21 @@ from unicodedata import normalize
 
 import numpy as np
 
-from ..model.arrays import Matrix
 from ..model.errors import BadInput
-from ..model.files.robot_file import RobotFile, Vendor, built_in_robots, stated_rows
+from ..model.files.robot_file import (
+    RobotFile,
+    StatedTransform,
+    Vendor,
+    built_in_robots,
+    read_rows,
+    stated_rows,
+)
 from ..model.files.urdf import links_of, read_urdf
-from ..model.files.whole_file import flow, refuse_existing, write_whole, yaml_text
-from ..model.kinematics.dh import DHRow, along_z
-from ..model.kinematics.orientation import angles_of
-from ..model.kinematics.robot import Joint, Robot
+from ..model.files.whole_file import refuse_existing, write_whole
+from ..model.kinematics.dh import along_z
+from ..model.kinematics.robot import Joint
 from ..model.parsing.confinement import BUILT_IN
-from ..model.parsing.reading import did_you_mean, read_yaml, shown
+from ..model.parsing.reading import did_you_mean, shown
 from ..model.parsing.validation import validate
 from .command_options import NewRobotOptions
 from .makers.fanuc.backup import read_fanuc_backup
@@ -61,71 +66,51 @@ def stated_chain(path: Path, base: str | None, tip: str | None, below_base: floa
     return UrdfChain(path, base, tip, below_base)
 
 
-def content_of_chain(name: str, vendor: str, chain: UrdfChain) -> dict[str, object]:
-    """The content of a robot file with the kinematics, limits and speeds of the chain.
+def file_of_chain(name: str, vendor: str, chain: UrdfChain) -> RobotFile:
+    """The robot file with the kinematics, limits and speeds of the chain.
 
     Of an arm whose pendant counts joint 3 from the ground, the URDF has the angle between links 2 and 3; the
     pendant's range is then all that the ranges of joints 2 and 3 leave.
     """
     arm = along_z(read_urdf(chain.path, chain.base, chain.tip))
-    first = arm.joints[0].fixed
-    upright = np.allclose(first[:3, 2], (0, 0, 1), rtol=0, atol=1e-9)
-    above = np.allclose(first[:2, 3], 0, rtol=0, atol=1e-7)
+    joints = [_without_row(joint) for joint in arm.joints]
     content: dict[str, object] = {
         "schema": "zerobeam/robot/1",
         "name": name,
         "vendor": vendor,
         "convention": "standard",
-        "joints": _named(arm, [_entries(joint, DHRow(0.0, 0.0, 0.0, 0.0)) for joint in arm.joints]),
-        **({} if upright and above else {"base": _transform(first)}),
+        "joints": joints,
+        "mounting": {"below_base_mm": chain.below_base},
     }
-    table = validate(RobotFile, content, file=chain.path, line=lambda _: None).table_of(arm)
-    rows = [_entries(joint, row) for joint, row in zip(arm.joints, table.rows, strict=True)]
-    if not np.allclose(table.flange, np.eye(4), rtol=0, atol=1e-7):
-        content["flange"] = _transform(table.flange)
-    content["mounting"] = {"below_base_mm": chain.below_base}
-    if vendor == "fanuc" and len(rows) > 2 and all(joint.kind == "revolute" for joint in arm.joints[1:3]):
-        between = [rows[2]["lower_deg"], rows[2]["upper_deg"]]
-        second = [rows[1]["lower_deg"], rows[1]["upper_deg"]]
-        rows[2] |= {
-            "lower_deg": _rounded(between[0] - second[1]),
-            "upper_deg": _rounded(between[1] - second[0]),
-        }
+    first = arm.joints[0].fixed
+    upright = np.allclose(first[:3, 2], (0, 0, 1), rtol=0, atol=1e-9)
+    above = np.allclose(first[:2, 3], 0, rtol=0, atol=1e-7)
+    if not (upright and above):
+        content["base"] = StatedTransform().of(first, _DIGITS).model_dump(mode="json")
+    if vendor == "fanuc" and len(joints) > 2 and all(joint.kind == "revolute" for joint in arm.joints[1:3]):
+        (lower, upper), between = _limits(arm.joints[1]), _limits(arm.joints[2])
+        joints[2]["lower_deg"] = round(between[0] - upper, _DIGITS)
+        joints[2]["upper_deg"] = round(between[1] - lower, _DIGITS)
         content |= {"pendant": {"joint3": "ground"}, "limits": {"joint3_to_link2_deg": between}}
-    content["joints"] = _named(arm, rows)
-    validate(RobotFile, content, file=chain.path, line=lambda _: None)
-    return content
+    file = validate(RobotFile, content, file=chain.path, line=lambda _: None)
+    return file.of_robot(arm, _DIGITS)
 
 
-def _named(arm: Robot, rows: Sequence[Mapping[str, float]]) -> list[dict[str, object]]:
-    return [
-        {"name": joint.name, "kind": joint.kind, **row} for joint, row in zip(arm.joints, rows, strict=True)
-    ]
-
-
-def _entries(joint: Joint, row: DHRow) -> dict[str, float]:
-    alpha, theta, beta = np.degrees([row.alpha, row.theta, row.beta])
-    numbers = {"a_mm": row.a, "alpha_deg": alpha, "d_mm": row.d, "theta_deg": theta, "beta_deg": beta}
-    unit = joint.unit
-    numbers |= {f"lower_{unit}": joint.lower * joint.display, f"upper_{unit}": joint.upper * joint.display}
+def _without_row(joint: Joint) -> dict[str, object]:
+    """What the file says of a joint besides its row, whose numbers are 0."""
+    (lower, upper), unit = _limits(joint), joint.unit
+    limits = {f"lower_{unit}": lower, f"upper_{unit}": upper}
     if joint.speed is not None:
-        numbers[f"speed_{unit}_s"] = joint.speed * joint.display
-    rounded = {key: _rounded(value) for key, value in numbers.items()}
-    if not rounded["beta_deg"]:
-        del rounded["beta_deg"]
-    return rounded
+        limits[f"speed_{unit}_s"] = _shown(joint, joint.speed)
+    return {"name": joint.name, "kind": joint.kind, **dict.fromkeys(_ROW[:4], 0.0), **limits}
 
 
-def _transform(matrix: Matrix) -> dict[str, list[float]]:
-    angles = np.degrees(angles_of(matrix[:3, :3]))
-    return {
-        "xyz_mm": [_rounded(value) for value in matrix[:3, 3]],
-        "rpy_deg": [_rounded(value) for value in angles],
-    }
+def _limits(joint: Joint) -> list[float]:
+    return [_shown(joint, joint.lower), _shown(joint, joint.upper)]
 
 
-def _rounded(value: float) -> float:
-    return round(float(value), _DIGITS) + 0.0  # no -0.0
+def _shown(joint: Joint, value: float) -> float:
+    return round(value * joint.display, _DIGITS) + 0.0  # no -0.0
 
 
 # Lengths as data sheets of arms with six axes draw them, with the arm's own words for each.
@@ -174,7 +159,7 @@ def typed_lengths(text: str) -> dict[str, float]:
     for name, value in parts.items():
         if name not in LENGTHS:
             raise BadInput("there is no such length", found=name, allowed=", ".join(LENGTHS))
-        lengths[name] = _numbers(value, range(1, 2), name)[0]
+        lengths[name] = _numbers(value, (1,), name, "a number")[0]
     missing = [name for name in LENGTHS if name not in lengths]
     if missing:
         raise BadInput(
@@ -185,11 +170,11 @@ def typed_lengths(text: str) -> dict[str, float]:
     return lengths
 
 
-def content_of(
+def stated_arm(
     name: str, options: NewRobotOptions, base: str | None = None, tip: str | None = None
-) -> tuple[dict[str, object], str]:
-    """The content of the robot file, and its first lines of comment; `base` and `tip` are the ends of a
-    URDF's chain. BadInput where it makes no robot."""
+) -> tuple[RobotFile, str]:
+    """The robot file, and its first lines of comment; `base` and `tip` are the ends of a URDF's chain.
+    BadInput where what is stated makes no robot."""
     vendor = typed_vendor(options.vendor or "")
     if options.urdf is not None:
         if options.row or options.sheet is not None or options.ranges or options.convention != "standard":
@@ -197,7 +182,7 @@ def content_of(
                 "an arm is stated once", found="--urdf with --row, --sheet, --range or --convention"
             )
         chain = stated_chain(options.urdf, base, tip, options.below)
-        return content_of_chain(name, vendor, chain), chain.head
+        return file_of_chain(name, vendor, chain), chain.head
     if base is not None or tip is not None:
         raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
     if bool(options.row) == (options.sheet is not None):
@@ -207,25 +192,22 @@ def content_of(
             found="both" if options.row else "neither",
             allowed=f"--row '{' '.join(_ROW[:6])} [speed]' once for each joint{sheet}",
         )
-    if options.sheet is None:
-        content: dict[str, object] = {
-            "schema": "zerobeam/robot/1",
-            "name": name,
-            "vendor": vendor,
+    if options.sheet is not None:
+        content = _of_sheet(vendor, options.sheet, options.ranges or ())
+    else:
+        content = {
             "convention": options.convention,
-            "joints": [_typed_row(row) for row in options.row or ()],
+            "joints": [_typed_row(row, _ROW) for row in options.row or ()],
             "mounting": {"below_base_mm": options.below},
         }
         if vendor == "fanuc":
             content["pendant"] = {"joint3": "ground"}
-    else:
-        content = _of_sheet(name, vendor, options.sheet, options.ranges or ())
-    validate(RobotFile, content, file=None, line=lambda _: None)
-    return content, ""
+    content |= {"schema": "zerobeam/robot/1", "name": name, "vendor": vendor}
+    return validate(RobotFile, content, file=None, line=lambda _: None), ""
 
 
-def _of_sheet(name: str, vendor: str, sheet: str, ranges: Sequence[str]) -> dict[str, object]:
-    """The rows of another arm of the maker with these lengths in the places of its own, and these ranges."""
+def _of_sheet(vendor: str, sheet: str, ranges: Sequence[str]) -> dict[str, object]:
+    """An arm of the same maker with these lengths in the places of its own, and these ranges."""
     if vendor not in LIKE:
         raise BadInput(
             "the zeros and signs of this maker's arms are not known here",
@@ -244,96 +226,75 @@ def _of_sheet(name: str, vendor: str, sheet: str, ranges: Sequence[str]) -> dict
             remedy="state the Denavit-Hartenberg rows: --row",
         )
     above = like.joints[0].d_mm  # 0: the base frame is at the height of axis 2
-    values: dict[tuple[int, str], float] = {
-        (0, "a_mm"): lengths["shoulder"],
-        (0, "d_mm"): _signed(lengths["height"], above) if above else 0.0,
-        (1, "a_mm"): lengths["upper"],
-        (1, "d_mm"): _signed(lengths["side"], like.joints[1].d_mm),
-        (2, "a_mm"): _signed(lengths["elbow"], like.joints[2].a_mm),
-        (3, "d_mm"): _signed(lengths["forearm"], like.joints[3].d_mm),
-        (5, "d_mm"): _signed(lengths["wrist"], like.joints[5].d_mm),
+    lengths_of = {
+        0: {"a_mm": lengths["shoulder"], "d_mm": _signed(lengths["height"], above) if above else 0.0},
+        1: {"a_mm": lengths["upper"], "d_mm": _signed(lengths["side"], like.joints[1].d_mm)},
+        2: {"a_mm": _signed(lengths["elbow"], like.joints[2].a_mm)},
+        3: {"d_mm": _signed(lengths["forearm"], like.joints[3].d_mm)},
+        5: {"d_mm": _signed(lengths["wrist"], like.joints[5].d_mm)},
     }
-    rows = []
-    for i, (joint, text) in enumerate(zip(like.joints, ranges, strict=True)):
-        row = {key: values.get((i, key), getattr(joint, key)) for key in _ROW[:4]}
-        rows.append(row | dict(zip(_ROW[4:], _numbers(text, range(2, 4), "range"), strict=False)))
-    frames = {
-        key: {"xyz_mm": list(frame.xyz_mm), "rpy_deg": list(frame.rpy_deg)}
-        for key, frame in (("base", like.base), ("flange", like.flange))
-    }
-    pendant = {
-        "joint3": like.pendant.joint3,
-        "names": None if like.pendant.names is None else list(like.pendant.names),
-    }
+    rows = [
+        joint.model_dump(include={*_ROW[:4]}) | lengths_of.get(i, {}) | _typed_row(text, _ROW[4:])
+        for i, (joint, text) in enumerate(zip(like.joints, ranges, strict=True))
+    ]
     return {
-        "schema": "zerobeam/robot/1",
-        "name": name,
-        "vendor": vendor,
-        "convention": like.convention,
+        **like.model_dump(mode="json", include={"convention", "base", "flange"}, exclude_unset=True),
         "joints": rows,
-        **frames,
         "mounting": {"below_base_mm": 0.0 if above else lengths["height"]},
-        "pendant": {key: value for key, value in pendant.items() if value is not None},
+        "pendant": like.pendant.model_dump(mode="json", include={"joint3", "names"}, exclude_none=True),
     }
 
 
-def _typed_row(text: str) -> dict[str, float]:
-    return dict(zip(_ROW, _numbers(text, range(6, 8), "row"), strict=False))
+def _typed_row(text: str, keys: Sequence[str]) -> dict[str, float]:
+    """The numbers of a row or a range by their keys, of which the last, the speed, may be missing."""
+    what = "row" if keys is _ROW else "range"
+    numbers = _numbers(text, (len(keys) - 1, len(keys)), what, f"{' '.join(keys)} (speed optional)")
+    return dict(zip(keys, numbers, strict=False))
 
 
 def _signed(length: float, like: float) -> float:
     return -length if like < 0 and length else length
 
 
-def _numbers(text: str, counts: range, what: str, allowed: str | None = None) -> list[float]:
+def _numbers(text: str, counts: Sequence[int], what: str, allowed: str) -> list[float]:
     parts = [part for part in re.split(r"[,;\s]+", text.strip()) if part]
     try:
         values = [float(part) for part in parts]
     except ValueError:
         values = []
     if len(values) not in counts:
-        if allowed is None and what in ("row", "range"):
-            allowed = f"{' '.join(_ROW if what == 'row' else _ROW[4:])} (speed optional)"
-        raise BadInput(f"the {what} is not understood", found=shown(text), allowed=allowed or "a number")
+        raise BadInput(f"the {what} is not understood", found=shown(text), allowed=allowed)
     return values
 
 
-def with_fanuc_backup(content: Mapping[str, object], folder: Path | None) -> Mapping[str, object]:
-    """The content of a robot file with what the encoder of joint 3 measures by a backup (see
-    `fanuc/backup.py`), and the controller's model where it states none. BadInput for an arm of another maker,
-    and where the content says otherwise."""
+def with_fanuc_backup(file: RobotFile, folder: Path | None) -> RobotFile:
+    """The robot file with what the encoder of joint 3 measures by a backup (see `fanuc/backup.py`), and the
+    controller's model where it states none. BadInput for an arm of another maker, and where the file says
+    otherwise."""
     if folder is None:
-        return content
-    if content.get("vendor") != "fanuc":
-        raise BadInput("--fanuc-backup is for arms of FANUC", found=f"vendor: {content.get('vendor')}")
-    rows = content["joints"]
-    assert isinstance(rows, list)
-    backup = read_fanuc_backup(folder, len(rows))
-    encoder = content.get("encoder") or {}
-    assert isinstance(encoder, dict)
-    if encoder.get("joint3", backup.encoder3) != backup.encoder3:
+        return file
+    if file.vendor != "fanuc":
+        raise BadInput("--fanuc-backup is for arms of FANUC", found=f"vendor: {file.vendor}")
+    backup = read_fanuc_backup(folder, len(file.joints))
+    if file.encoder is not None and file.encoder.joint3 != backup.encoder3:
         raise BadInput(
             "the backup and the robot file disagree on what the encoder of joint 3 measures",
-            found=f"backup of {backup.model}: {backup.encoder3}; robot file: {encoder['joint3']}",
+            found=f"backup of {backup.model}: {backup.encoder3}; robot file: {file.encoder.joint3}",
             remedy="is it the backup of this arm? If so, write the file of its rows: robot new",
         )
-    model = {} if content.get("model") else {"model": backup.model}
-    with_encoder = {**content, **model, "encoder": {"joint3": backup.encoder3}}
-    validate(RobotFile, with_encoder, file=None, line=lambda _: None)
-    return with_encoder
+    return _stating(file, model=file.model or backup.model, encoder={"joint3": backup.encoder3})
 
 
-def write_robot(path: Path, content: Mapping[str, object], head: str = "") -> None:
+def _stating(file: RobotFile, **more: object) -> RobotFile:
+    return validate(RobotFile, file.content | more, file=None, line=lambda _: None)
+
+
+def write_robot(path: Path, file: RobotFile, head: str = "") -> None:
     """The robot file, below the remarks of its `head`; never over another one."""
     refuse_existing(path, or_else="remove it first")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise BadInput("a robot file has another name", found=path.name, allowed="a name that ends in .yaml")
-    in_lines = {
-        key: [flow(row) for row in value] if key == "joints" and isinstance(value, list) else value
-        for key, value in content.items()
-    }
-    text = yaml_text({key: flow(v) if isinstance(v, dict) else v for key, v in in_lines.items()})
-    write_whole(path, head + text)
+    write_whole(path, head + file.text())
 
 
 def copy_robot(name: str, path: Path, pulses: str | None, fanuc_backup: Path | None = None) -> None:
@@ -347,16 +308,11 @@ def copy_robot(name: str, path: Path, pulses: str | None, fanuc_backup: Path | N
             allowed="a built-in name (--list) or a file (.yaml)",
         )
     source = BUILT_IN / f"{name}.yaml" if name in built_in_robots() else Path(name)
-    document = read_yaml(source)
-    validate(RobotFile, document.data, file=source, line=document.line)
-    content = dict(with_fanuc_backup(document.data, fanuc_backup))
+    file = with_fanuc_backup(read_rows(source), fanuc_backup)
     if pulses is not None:
-        rows = content["joints"]
-        assert isinstance(rows, list)
-        values = _numbers(pulses, range(len(rows), len(rows) + 1), "pulses", f"{len(rows)} numbers")
-        pendant = content.get("pendant") or {}
-        assert isinstance(pendant, dict)
-        content["pendant"] = {**pendant, "unit": "pulse", "pulses_per_deg": values}
-        validate(RobotFile, content, file=None, line=lambda _: None)
+        n = len(file.joints)
+        values = _numbers(pulses, (n,), "pulses", f"{n} numbers")
+        pendant = file.pendant.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+        file = _stating(file, pendant={**pendant, "unit": "pulse", "pulses_per_deg": values})
     text = source.read_text(encoding="utf-8")
-    write_robot(path, content, "".join(re.findall(r"\A(?:#[^\n]*\n)*", text)))
+    write_robot(path, file, "".join(re.findall(r"\A(?:#[^\n]*\n)*", text)))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.dh import Convention, DHRow, RowTable, dh_chain, table_of
+from ..kinematics.orientation import angles_of
 from ..kinematics.plausible import beside_right_angle, doubtful_rows, is_rounded, too_long, warn_of
 from ..kinematics.robot import Joint, Robot, pose_of
 from ..parsing.confinement import BUILT_IN, require_within
@@ -33,6 +34,7 @@ from .conventions import (
 )
 from .header import UrdfRef
 from .urdf import read_urdf
+from .whole_file import flow, yaml_text
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 
@@ -69,6 +71,14 @@ class StatedTransform(FileModel):
 
     def matrix(self) -> Matrix:
         return pose_of(self.xyz_mm, self.rpy_deg)
+
+    def of(self, pose: Matrix, digits: int) -> StatedTransform:
+        """That of a pose (4, 4), to so many decimals; this one where it is the same."""
+        if np.allclose(pose, self.matrix(), rtol=0, atol=10.0**-digits):
+            return self
+        numbers = [*pose[:3, 3], *np.degrees(angles_of(pose[:3, :3]))]
+        x, y, z, roll, pitch, yaw = (_decimal(value, digits) for value in numbers)
+        return StatedTransform(xyz_mm=(x, y, z), rpy_deg=(roll, pitch, yaw))
 
 
 class StatedJoint(FileModel):
@@ -136,6 +146,17 @@ class StatedJoint(FileModel):
         alpha, theta, beta = np.radians([self.alpha_deg, self.theta_deg, self.beta_deg]).tolist()
         return DHRow(self.a_mm, alpha, self.d_mm, theta, beta)
 
+    def with_row(self, row: DHRow, digits: int) -> StatedJoint:
+        """The joint with the numbers of a row, to so many decimals; as stated where it is the same row."""
+        if row == self.row:
+            return self
+        alpha, theta, beta = np.degrees([row.alpha, row.theta, row.beta]).tolist()
+        numbers = {"a_mm": row.a, "alpha_deg": alpha, "d_mm": row.d, "theta_deg": theta, "beta_deg": beta}
+        update = {key: _decimal(value, digits) for key, value in numbers.items()}
+        if not update["beta_deg"] and not self.beta_deg:
+            del update["beta_deg"]
+        return self.model_copy(update=update)
+
     def joint(self, number: int, fixed: Matrix) -> Joint:
         """The joint in internal units, behind its fixed transform."""
         axis, name = np.array([0.0, 0.0, 1.0]), self.name or f"joint{number}"
@@ -148,6 +169,19 @@ class StatedJoint(FileModel):
         lower, upper = np.radians([self.lower_deg, self.upper_deg])
         speed = None if self.speed_deg_s is None else float(np.radians(self.speed_deg_s))
         return Joint(name, self.kind, fixed, axis, float(lower), float(upper), speed)
+
+
+def _decimal(value: float, digits: int) -> float:
+    return round(float(value), digits) + 0.0  # no -0.0
+
+
+def _in_line(value: Any) -> Any:
+    """A value of a file on one line, whole numbers without a point."""
+    if isinstance(value, dict):
+        return flow({key: _in_line(part) for key, part in value.items()})
+    if isinstance(value, list):
+        return flow([_in_line(part) for part in value])
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _joint_rows(value: object) -> object:
@@ -224,6 +258,27 @@ class RobotFile(FileModel):
         near = [joint.row for joint in self.joints]
         first, flange = self.robot().joints[0].fixed, self.flange.matrix()
         return table_of(robot, near, self.convention, first, flange)
+
+    def of_robot(self, robot: Robot, digits: int = 13) -> RobotFile:
+        """The file of `robot`, which is this one with other links and zeros, to so many decimals."""
+        table = self.table_of(robot)
+        joints = tuple(
+            joint.with_row(row, digits) for joint, row in zip(self.joints, table.rows, strict=True)
+        )
+        flange = self.flange.of(table.flange, digits)
+        moved = {} if flange is self.flange else {"flange": flange}
+        return self.model_copy(update={"joints": joints, **moved})
+
+    @property
+    def content(self) -> dict[str, object]:
+        """What is stated, by the keys of the file."""
+        return self.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
+
+    def text(self, head: Sequence[str] = ()) -> str:
+        """The file, a joint a line, below the `head`'s lines of comment."""
+        content = {key: _in_line(value) for key, value in self.content.items()}
+        content["joints"] = list(content["joints"])  # each on a line of its own
+        return "".join(f"# {line}\n" for line in head) + yaml_text(content)
 
     def robot(self) -> Robot:
         fixed, last = dh_chain([joint.row for joint in self.joints], self.convention)

@@ -11,8 +11,8 @@ from zerobeam.experiments.command_options import NewRobotOptions
 from zerobeam.experiments.new_robot import (
     LIKE,
     UrdfChain,
-    content_of,
-    content_of_chain,
+    file_of_chain,
+    stated_arm,
     typed_lengths,
     write_robot,
 )
@@ -42,14 +42,15 @@ def test_each_maker_has_a_sheet_here() -> None:
 def test_an_arm_from_its_data_sheet(tmp_path: Path, name: str) -> None:
     vendor, lengths = SHEETS[name]
     path = tmp_path / "mine.yaml"
-    write_robot(path, content_of("mine", NewRobotOptions(vendor, sheet=lengths, ranges=RANGES))[0])
+    file, _ = stated_arm("mine", NewRobotOptions(vendor, sheet=lengths, ranges=RANGES))
+    write_robot(path, file)
     mine, arm = read_robot(path), load_robot(name)
     for joints in np.random.default_rng(0).uniform(-100, 100, (5, 6)):
         np.testing.assert_allclose(mine.fk(joints, "deg"), arm.fk(joints, "deg"), rtol=0, atol=1e-8)
     assert mine.conventions.below_base == arm.conventions.below_base
     assert mine.conventions.joint3 == arm.conventions.joint3
     with pytest.raises(BadInput, match="exists already"):
-        write_robot(path, {})
+        write_robot(path, file)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +65,7 @@ def test_an_arm_from_its_data_sheet(tmp_path: Path, name: str) -> None:
 )
 def test_entries_that_make_no_arm_are_refused(options: NewRobotOptions, message: str) -> None:
     with pytest.raises(BadInput, match=message):
-        content_of("a", options)
+        stated_arm("a", options)
 
 
 def test_lengths_that_are_missing_are_named() -> None:
@@ -125,7 +126,7 @@ def urdf_of(robot: Robot, path: Path, digits: int = 15, *, slide: int | None = N
 def made_of(urdf: Path, vendor: str = "other") -> Path:
     path = urdf.with_name("mine.yaml")
     chain = UrdfChain(urdf, "link0", "tool0", 12.5)
-    write_robot(path, content_of_chain("mine", vendor, chain), chain.head)
+    write_robot(path, file_of_chain("mine", vendor, chain), chain.head)
     return path
 
 
@@ -195,4 +196,4 @@ def test_a_chain_by_options(tmp_path: Path) -> None:
 def test_a_chain_without_joints_is_refused(tmp_path: Path) -> None:
     urdf = urdf_of(load_robot("ur5e"), tmp_path / "arm.urdf")
     with pytest.raises(BadInput, match="no joint moves"):
-        content_of_chain("mine", "other", UrdfChain(urdf, "link6", "tool0"))
+        file_of_chain("mine", "other", UrdfChain(urdf, "link6", "tool0"))

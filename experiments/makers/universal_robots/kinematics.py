@@ -32,7 +32,6 @@ from ....model.kinematics.orientation import angles_of
 from ....model.kinematics.robot import Robot, euler, shift
 from ....model.parsing.reading import did_you_mean, read_bytes, read_text, read_yaml
 from ..calibration import RobotCalibration
-from ..generic.robot_files import rows_text
 from ..maker import one_line, require_vendor
 
 DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
@@ -262,5 +261,4 @@ def calibrated_text(arm: CalibratedArm, source: Path) -> str:
         f"{arm.nominal_file.model} {_FACTORY} {source.name}.",
         f"Its flange is {rms:.2f} mm (rms, up to {most:.2f} mm) from that of the nominal arm.",
     ]
-    file = arm.nominal_file
-    return rows_text([one_line(line) for line in head], file, file.table_of(arm.robot))
+    return arm.nominal_file.of_robot(arm.robot).text([one_line(line) for line in head])

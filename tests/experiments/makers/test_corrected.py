@@ -20,7 +20,7 @@ from zerobeam.experiments.makers.generic.written_tables import csv_text, json_te
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.robot_file import BUILT_IN, load_robot
+from zerobeam.model.files.robot_file import BUILT_IN, load_robot, stated_rows
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.kinematics.robot import Robot
@@ -274,6 +274,19 @@ def test_nominal_geometry_says_nothing_of_links(tmp_path: Path) -> None:
     answer = told(nominal)
     assert answer.geometry == answer.left_out == ()
     assert "link" not in " ".join(answer.head)
+
+
+def test_what_a_robot_file_states_besides_its_rows_stays(tmp_path: Path) -> None:
+    rows = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
+    (tmp_path / "arm.yaml").write_text(f"{rows}bodies: {{radius_mm: 77}}\npayload_kg: 7.5\n", "utf-8")
+    run = arm_run(tmp_path, robot="irb1600")
+    arm = load_robot("arm.yaml", tmp_path)
+    run = replace(run, robot=arm, header=run.header.model_copy(update={"robot": "arm.yaml"}))
+    (tmp_path / "out.yaml").write_text(robot_text(run, told(run)), encoding="utf-8")
+    stated, written = (stated_rows(name, tmp_path).content for name in ("arm.yaml", "out.yaml"))
+    assert written.pop("joints") != stated.pop("joints")
+    assert written == stated
+    assert load_robot("out.yaml", tmp_path).conventions == arm.conventions
 
 
 def test_names_that_mean_harm_stay_names(tmp_path: Path) -> None:

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import zerobeam as zb
-from zerobeam.experiments.new_robot import UrdfChain, content_of_chain
+from zerobeam.experiments.new_robot import UrdfChain, file_of_chain
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import (
     BUILT_IN,
-    RobotFile,
     built_in_robots,
     doubts,
     load_robot,
@@ -170,9 +169,9 @@ def test_a_rounded_urdf_is_said_of_its_rows_and_by_every_run_and_plan(tmp_path: 
     with warnings.catch_warnings(action="ignore", category=DoubtfulRobot):
         robot = load_robot(UrdfRef(urdf=str(path), base="l0", tip="l3"))
         read = [zb.read_run(run), zb.read_plan(plan)]
-        content = content_of_chain("arm", "abb", UrdfChain(path, "l0", "l3"))
+        file = file_of_chain("arm", "abb", UrdfChain(path, "l0", "l3"))
     (said,) = robot.doubts
     assert robot.rounded == robot.doubts
     assert "roll of joint 'j1' (line 3), roll of joint 'j2' (line 4): 1.57 rad" in said
     assert all(said in each.warnings for each in read)
-    assert any("° meant?" in doubt for doubt in doubts(RobotFile.model_validate(content)))
+    assert any("° meant?" in doubt for doubt in doubts(file))
