@@ -176,7 +176,8 @@ class LeftOver:
         rise = drop
         if not self.known:
             drop = np.minimum(drop, self.chi2)
-            rise = -self.numbers * np.log1p(-drop / max(self.chi2, 1e-300))
+            share = np.minimum(drop / max(self.chi2, 1e-300), 1 - 1e-12)  # 1: nothing but rounding is left
+            rise = -self.numbers * np.log1p(-share)
         score = np.where(rank > 0, rise - 2.0 * rank, -np.inf)
         return Explained(drop, rank, score, np.maximum(values, _ROUNDING * floor), vectors, along)
 

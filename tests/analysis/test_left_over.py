@@ -74,3 +74,13 @@ def test_what_hypotheses_reach_needs_no_squares() -> None:
     one, other = left.explained(left.reached(doubled), 0.5), left.explained(left.of(columns), 1e-4)
     assert int(one.rank[0]) == int(other.rank[0]) == K
     assert float(one.drop[0]) == pytest.approx(float(other.drop[0]))
+
+
+def test_of_hypotheses_that_leave_only_rounding_the_one_with_fewer_amounts_explains_best() -> None:
+    _, jacobian, parts = model()
+    few, many = columns_of(parts, [4])[:, :1], columns_of(parts, [4])
+    exact = few @ np.ones(1)
+    left = LeftOver.without_priors(exact, jacobian, (SHOTS, D), SHOTS * D, known=False)
+    scores = [float(left.explained(left.of(columns), 1e-9).score[0]) for columns in (few, many)]
+    assert all(np.isfinite(scores))
+    assert scores[0] == pytest.approx(scores[1] + 2 * (D - 1), abs=1e-6)  # of one measurement are D numbers

@@ -87,6 +87,15 @@ def on_axes(figures: Path) -> Iterator[float]:
             yield from (value(found) for found in NUMBER.findall(text))
 
 
+def magnified(page: str) -> Iterator[float]:
+    """How many times larger residuals are drawn, a round number, and what 100 mm of the axes then are."""
+    for told in re.findall(r"drawn (\S+) times larger \(100 mm of the axes are (\S+)\xa0mm\)", page):
+        factor, size = map(float, told)
+        assert factor * size == pytest.approx(100)
+        assert f"{factor:e}"[:2] in ("1.", "2.", "5.")
+        yield from (factor, size)
+
+
 def value(told: str) -> float:
     return float(told.replace("\u2212", "-"))
 
@@ -130,6 +139,7 @@ def none_is_made_up(report: Path) -> None:
     sheets = pypdf.PdfReader(report / "report.pdf").pages
     paper = " ".join(sheet.extract_text() for sheet in sheets).replace("\u200b", "")
     rest = [*OF_THE_WORDS, *on_axes(report / "figures"), *map(float, range(len(sheets) + 1))]
+    rest += magnified(page)
     known = sorted([*of_the_result(answer), *worked_out(answer), *rest])
     assert len(NUMBER.findall(page)) > 300
     assert made_up(page, known) == []
