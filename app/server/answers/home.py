@@ -155,7 +155,7 @@ class CalibrationFiles:
 class CalibrationState:
     """How far a calibration is, by its newest run or result."""
 
-    kind: Annotated[StateKind, it("`held`: a pass of a simulated run")]
+    kind: Annotated[StateKind, it("`held`: no offset is estimated")]
     text: str
     verdict: Annotated[Verdict | None, if_any] = None
     recorded: Annotated[int | None, it("measurements"), if_any] = None
