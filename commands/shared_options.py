@@ -70,7 +70,7 @@ def typer_parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
 def _parameter(one: OptionField) -> inspect.Parameter:
     option, default = one.option, one.typed_default
     how: Any = {
-        "help": option.help,
+        "help": one.typed_help,
         "min": option.least,
         "max": option.most,
         "metavar": option.metavar,

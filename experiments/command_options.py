@@ -24,7 +24,7 @@ Model = Annotated[str | None, Option("Model of the arm, where several have this 
 Without = Annotated[
     Sequence[str],
     Option(
-        "Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.",
+        "Exclude this parameter (delta4, link2.a): it counts as 0.",
         metavar="NAME",
         label="Offsets to leave out",
     ),
@@ -165,7 +165,7 @@ class BackupOptions:
         Sequence[str],
         Option(
             "Pose of a tool that the backup does not state, [NAME=]X,Y,Z,… in the language's own form;"
-            " without NAME that of all positions that leave it open. Repeatable.",
+            " without NAME that of all positions that leave it open.",
             "--tool",
             metavar="POSE",
             rare=True,
@@ -174,7 +174,7 @@ class BackupOptions:
     frames: Annotated[
         Sequence[str],
         Option(
-            "The same of a work object, base or user frame. Repeatable.",
+            "The same of a work object, base or user frame.",
             "--frame",
             metavar="POSE",
             rare=True,
@@ -183,14 +183,14 @@ class BackupOptions:
     new_tools: Annotated[
         Sequence[str],
         Option(
-            "Pose of a tool that was measured again since: positions are written for it. Repeatable.",
+            "Pose of a tool that was measured again since: positions are written for it.",
             "--new-tool",
             metavar="POSE",
             rare=True,
         ),
     ] = ()
     new_frames: Annotated[
-        Sequence[str], Option("The same of a frame. Repeatable.", "--new-frame", metavar="POSE", rare=True)
+        Sequence[str], Option("The same of a frame.", "--new-frame", metavar="POSE", rare=True)
     ] = ()
     base: Annotated[
         str | None,
@@ -220,7 +220,10 @@ class BackupOptions:
     j3: Annotated[
         Literal["ground", "link"] | None,
         Option(
-            "fanuc: what joint 3 is counted from, if not as the robot file states.", label=JOINT_3, rare=True
+            "what joint 3 is counted from, if not as the robot file states.",
+            label=JOINT_3,
+            rare=True,
+            case="fanuc",
         ),
     ] = None
 
@@ -236,7 +239,7 @@ class ZeroOptions:
         Sequence[str],
         Option(
             "What was entered, J2=-0.265,J3=0.112 in degrees (mm): by so much more the joint reads at the"
-            " same place; joint 3 between links 2 and 3. Repeatable.",
+            " same place; joint 3 between links 2 and 3.",
             metavar="ZEROS",
         ),
     ] = ()
@@ -251,10 +254,12 @@ class ZeroOptions:
     new_mastering: Annotated[Path | None, Option("The same after it.")] = None
     motor_sign: Annotated[
         str | None,
-        Option("ABB: 1 if a reading rises with cal_offset, -1 if it falls; one, or one a joint: 1,-1,…"),
+        Option(
+            "1 if a reading rises with cal_offset, -1 if it falls; one, or one a joint: 1,-1,…", case="ABB"
+        ),
     ] = None
     ratio: Annotated[
-        str | None, Option("ABB: motor turns for one turn of each joint, R1,R2,…, if not in MOC.cfg.")
+        str | None, Option("motor turns for one turn of each joint, R1,R2,…, if not in MOC.cfg.", case="ABB")
     ] = None
 
 
@@ -344,17 +349,20 @@ class ProgramMotion:
     j3: Annotated[
         _J3,
         Option(
-            "fanuc, robodk, csv, pdf: what the pendant counts joint 3 from, if not as the robot file states.",
+            "what the pendant counts joint 3 from, if not as the robot file states.",
             label=JOINT_3,
+            case="fanuc, robodk, csv, pdf",
         ),
     ] = None
     register: Annotated[
         int | None,
-        Option("fanuc: first position register for the joints (1).", label="First register"),
+        Option("first position register for the joints (1).", label="First register", case="fanuc"),
     ] = None
     listener: Annotated[
         str | None,
-        Option("urscript: HOST:PORT that the joints are sent to as well.", label="Joints also sent to"),
+        Option(
+            "HOST:PORT that the joints are sent to as well.", label="Joints also sent to", case="urscript"
+        ),
     ] = None
 
     def __post_init__(self) -> None:

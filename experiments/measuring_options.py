@@ -45,7 +45,7 @@ OPTIMAL, PATTERN = ("optimal",), ("x,y",)  # for which kind of plan: the word of
 
 def _line(help: str, flag: str, unit: str = "mm", least: float | None = None) -> Option:
     label = f"{flag.removeprefix('--').capitalize()} of the line"
-    return Option(help, flag, least=least, label=label, unit=unit, needs=PATTERN, rare=True)
+    return Option(help, flag, case="x, y", least=least, label=label, unit=unit, needs=PATTERN, rare=True)
 
 
 # Stated in study files too.
@@ -77,13 +77,13 @@ MarginDeg = Annotated[
 ]
 LineDistance = Annotated[
     float | None,
-    _line("x, y: of the middle of the pattern's line before the base's z axis, mm.", "--distance"),
+    _line("of the middle of the pattern's line before the base's z axis, mm.", "--distance"),
 ]
-LineHeight = Annotated[float | None, _line("x, y: of the pattern's line over the target, mm.", "--height")]
-LineWidth = Annotated[float | None, _line("x, y: length of the pattern's line, mm.", "--width", least=0)]
+LineHeight = Annotated[float | None, _line("of the pattern's line over the target, mm.", "--height")]
+LineWidth = Annotated[float | None, _line("length of the pattern's line, mm.", "--width", least=0)]
 FlangeRoll = Annotated[
     float | None,
-    _line("x, y: rotation of the flange about the beams, deg; 0: b1 along the line.", "--roll", unit="deg"),
+    _line("rotation of the flange about the beams, deg; 0: b1 along the line.", "--roll", unit="deg"),
 ]
 
 
@@ -100,16 +100,19 @@ class PlanOptions:
     header_file: Annotated[
         Path | None,
         Option(
-            "Header file (.yaml): robot, tool, noise; or a run file (.jsonl). Not for verify.", "--header"
+            "Header file (.yaml): robot, tool, noise; or a run file (.jsonl).",
+            "--header",
+            more="Not for verify.",
         ),
     ] = None
     target: Annotated[
         tuple[float, ...] | None,
         Option(
-            "Position of the target: X,Y,Z in mm, base frame; default: the header's. Not for verify.",
+            "Position of the target: X,Y,Z in mm, base frame; default: the header's.",
             text=numbers_typed(3, "--target"),
             unit="mm",
             parts=("x", "y", "z"),
+            more="Not for verify.",
         ),
     ] = None
     shots: Annotated[
@@ -126,22 +129,24 @@ class PlanOptions:
         int,
         Option(
             "How many of the measurements are made again at the end, in the same postures: a zero that jumps"
-            " or drifts, a target that moves and a wrong reading show in the difference. Not for verify.",
+            " or drifts, a target that moves and a wrong reading show in the difference.",
             least=0,
             most=10_000,
             label="Again at the end",
+            more="Not for verify.",
         ),
     ] = USUAL_REPEATS
     measure: Annotated[
         Mapping[str, Portion],
         Option(
-            "optimal: how many measurements an instrument of the header makes (of which targets); for"
+            "how many measurements an instrument of the header makes (of which targets); for"
             " each of several.",
             metavar="NAME[@TARGET,…]=COUNT",
             text=portions_typed,
             typed=list[str],
             needs=OPTIMAL,
             rare=True,
+            case="optimal",
         ),
     ] = field(default_factory=dict)
     candidates: Annotated[
@@ -162,11 +167,12 @@ class PlanOptions:
     max_shots: Annotated[
         int,
         Option(
-            "With --tolerance: the most measurements.",
+            "the most measurements.",
             least=2,
             most=10_000,
             label="At most, with u",
             needs=("--tolerance", "optimal"),
+            case="With --tolerance",
         ),
     ] = 30
     facing: Annotated[
@@ -209,7 +215,7 @@ _ABB, _SIMULATED = ("--rig=abb",), ("--rig=simulated",)
 
 
 def _port(help: str, label: str) -> Option:
-    return Option(help, least=1, most=65535, label=label, needs=_ABB, rare=True)
+    return Option(help, case="ABB", least=1, most=65535, label=label, needs=_ABB, rare=True)
 
 
 @dataclass(frozen=True)
@@ -240,20 +246,22 @@ class RunOptions:
     arm: Annotated[
         Path | None,
         Option(
-            "Simulated: the arm of this simulated run, with its offsets entered.",
+            "the arm of this simulated run, with its offsets entered.",
             metavar="RUN",
             label="Arm of the simulated run",
             among="run",
             needs=_SIMULATED,
             rare=True,
+            case="Simulated",
         ),
     ] = None
     as_found: Annotated[
         bool,
         Option(
-            "With --arm: without its offsets entered; with the seed of RUN the targets stay too.",
+            "without its offsets entered; with the seed of RUN the targets stay too.",
             needs=("--arm",),
             rare=True,
+            case="With --arm",
         ),
     ] = False
     recording: Annotated[
@@ -270,31 +278,31 @@ class RunOptions:
     tolerance: Annotated[
         float | None,
         Option(
-            "With --adaptive: the standard uncertainty that is enough (deg; mm). Default: the plan's.",
+            "the standard uncertainty that is enough (deg; mm). Default: the plan's.",
             label="u that is enough",
             needs=("--adaptive",),
             rare=True,
+            case="With --adaptive",
         ),
     ] = None
     gain: Annotated[
         float | None,
         Option(
-            "With --adaptive: end when the next measurement lowers no U by this much an hour (deg; mm).",
+            "end when the next measurement lowers no U by this much an hour (deg; mm).",
             least=1e-9,
             label="Least gain an hour",
             needs=("--adaptive",),
             rare=True,
+            case="With --adaptive",
         ),
     ] = None
     host: Annotated[
         str | None,
-        Option("ABB: address of the controller.", label="Controller’s address", needs=_ABB),
+        Option("address of the controller.", label="Controller’s address", needs=_ABB, case="ABB"),
     ] = None
-    port: Annotated[int, _port("ABB: port of Robot Web Services.", "Port of Robot Web Services")] = 80
-    egm_port: Annotated[int, _port("ABB: own UDP port for EGM.", "Own UDP port for EGM")] = 6510
-    sensor_port: Annotated[
-        int, _port("ABB: port of PSD and camera at the host.", "Port of PSD and camera")
-    ] = 6520
+    port: Annotated[int, _port("port of Robot Web Services.", "Port of Robot Web Services")] = 80
+    egm_port: Annotated[int, _port("own UDP port for EGM.", "Own UDP port for EGM")] = 6510
+    sensor_port: Annotated[int, _port("port of PSD and camera at the host.", "Port of PSD and camera")] = 6520
     sensors: Annotated[
         Path | None,
         Option(
@@ -304,58 +312,68 @@ class RunOptions:
             needs=("--rig=abb,live,manual",),
         ),
     ] = None
-    user: Annotated[str | None, Option("ABB: user, else ZEROBEAM_ABB_USER.", needs=_ABB)] = None
+    user: Annotated[str | None, Option("user, else ZEROBEAM_ABB_USER.", needs=_ABB, case="ABB")] = None
     password: Annotated[
-        str | None, Option("ABB: password, else ZEROBEAM_ABB_PASSWORD or the keyring.", app=False)
+        str | None, Option("password, else ZEROBEAM_ABB_PASSWORD or the keyring.", app=False, case="ABB")
     ] = field(default=None, repr=False)
     speed: Annotated[
         float,
-        Option("ABB: share of the joints' top speeds.", label="Share of the joints’ top speeds", needs=_ABB),
+        Option(
+            "share of the joints' top speeds.",
+            label="Share of the joints’ top speeds",
+            needs=_ABB,
+            case="ABB",
+        ),
     ] = 0.25
     laser: Annotated[
         str,
         Option(
-            "ABB: digital output of the laser, NETWORK/UNIT/NAME.",
+            "digital output of the laser, NETWORK/UNIT/NAME.",
             label="Output of the laser",
             needs=_ABB,
             rare=True,
+            case="ABB",
         ),
     ] = "Local/DRV_1/zb_laser"
-    yes: Annotated[bool, Option("ABB: move without asking first.", app=False)] = False
+    yes: Annotated[bool, Option("move without asking first.", app=False, case="ABB")] = False
     watch: Annotated[
-        Path | None, Option("Manual: take the joint values from this file as it grows.", app=False)
+        Path | None, Option("take the joint values from this file as it grows.", app=False, case="Manual")
     ] = None
     units: Annotated[
         Literal["deg", "rad", "pulse"] | None,
         Option(
-            "Manual: unit of the joint values, if neither they nor the robot file state it (deg).",
+            "unit of the joint values, if neither they nor the robot file state it (deg).",
             needs=("--rig=manual",),
+            case="Manual",
         ),
     ] = None
     j3: Annotated[
         Literal["ground", "link"] | None,
         Option(
-            "Manual: what joint 3 is counted from, if not as the robot file states.",
+            "what joint 3 is counted from, if not as the robot file states.",
             label=JOINT_3,
             needs=("--rig=manual,live",),
+            case="Manual",
         ),
     ] = None
     repeat: Annotated[
         int | None,
         Option(
-            "With --adaptive: how many measurements are made again at the end (2). Else the plan says.",
+            "how many measurements are made again at the end (2). Else the plan says.",
             least=0,
             most=10_000,
             label="Again at the end",
             needs=("--adaptive",),
             rare=True,
+            case="With --adaptive",
         ),
     ] = None
     once_more: Annotated[
         bool,
         Option(
-            "With --resume: measure once more what this run has measured again: does it agree now?",
+            "measure once more what this run has measured again: does it agree now?",
             app=False,
+            case="With --resume",
         ),
     ] = False
     closing: Annotated[

@@ -31,6 +31,9 @@ Names = Literal["read", "write", "run or name"]
 class Option:
     """What help says of an option, and what neither its type nor its name nor its default says.
 
+    `case` is what it is for, and `more` what else is to be known: help of the command line begins and ends
+    with them, and a form says both by its place.
+
     `flag` is all flags in a row, where they are not `--name`, and an `argument` has none; `least` and `most`
     bound a number. `text` makes the value of what is typed, of the type `typed`. `names` says what a value
     names that is no path that is read. `app` False: only a person at a terminal may state it. `variable`: of
@@ -43,6 +46,8 @@ class Option:
 
     help: str
     flag: str | None = None
+    case: str = ""
+    more: str = ""
     least: float | None = None
     most: float | None = None
     metavar: str | None = None
@@ -69,7 +74,8 @@ class Option:
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Callable[[Any], Any]) -> Any:
         """The help says what the key is."""
-        return {**handler(schema), "description": f"{self.help[0].lower()}{self.help[1:]}".removesuffix(".")}
+        help = f"{self.case}: {self.help}" if self.case else self.help
+        return {**handler(schema), "description": f"{help[0].lower()}{help[1:]}".removesuffix(".")}
 
 
 def argument(help: str, **others: Any) -> Option:
@@ -119,6 +125,13 @@ class OptionField:
     def flag(self) -> str:
         """The long flag, as messages call the option."""
         return self.long_flags[0]
+
+    @property
+    def typed_help(self) -> str:
+        """What help says to who types it."""
+        case = f"{self.option.case}: " if self.option.case else ""
+        more = "Repeatable." if self.several and not self.option.argument else self.option.more
+        return f"{case}{self.option.help} {more}".rstrip()
 
     @cached_property
     def kinds(self) -> tuple[Any, ...]:

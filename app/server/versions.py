@@ -12,7 +12,7 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
-from ...model.errors import BadInput
+from ...model.errors import BadInput, NotWritten
 from ...model.records import it, record, to_json
 from .requests import Content, ErrorAnswer, Precondition
 
@@ -149,7 +149,8 @@ def matches(header: str, version: str) -> bool:
 
 @contextmanager
 def replacing(path: Path, precondition: Precondition, current: Callable[[], object]) -> Iterator[bool]:
-    """Within, the file may be written: whether it takes the place of one that is there.
+    """Within, the file may be written, in a folder that is made where there is none: whether it takes the
+    place of one that is there.
 
     Conflict where it is not the one that `precondition` states, also where a new file's name is taken
     meanwhile. `current` reads what is there.
@@ -167,6 +168,10 @@ def replacing(path: Path, precondition: Precondition, current: Callable[[], obje
         )
     if there and (match is None or none_match is not None or not matches(match, version_of.make(path))):
         raise _conflict(path, changed=match is not None, current=current)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise NotWritten(f"the folder cannot be made: {error.strerror}", file=path.parent) from None
     try:
         yield there
     except BadInput:

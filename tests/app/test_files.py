@@ -17,6 +17,15 @@ def test_a_file_is_written_and_comes_back_as_it_was(client: TestClient, root: Pa
     assert "attachment" in back.headers["content-disposition"]
 
 
+def test_a_file_of_a_new_folder_makes_it(client: TestClient, root: Path) -> None:
+    """As of a controller's backup, which is sent file by file."""
+    answer = client.put("/api/file", params={"file": "Cell 7/TASK1/A.mod"}, content=b"MODULE A")
+    assert answer.status_code == 201
+    assert (root / "Cell 7/TASK1/A.mod").read_bytes() == b"MODULE A"
+    refused = client.put("/api/file", params={"file": "run.jsonl/A.mod"}, content=b"MODULE A")
+    assert refused.status_code in (400, 422)
+
+
 @pytest.mark.parametrize("name", ["run.jsonl", "none/log.csv", "sub"])
 def test_nothing_is_replaced(client: TestClient, root: Path, name: str) -> None:
     before = {path: path.read_bytes() for path in root.parent.rglob("*") if path.is_file()}

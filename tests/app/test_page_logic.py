@@ -68,8 +68,10 @@ def test_time_left_is_a_bound_where_it_is_one(
 ) -> None:
     job = {"state": "running", "left_s": 12, "left_at_least": stalled}
     run = {"recorded": [1], "refused": [], "postures": 7, "rig": "simulated", "tolerance": tolerance}
-    told = paged(tmp_path, "measure/running.js", "m.progress(...input)", [job, run])
+    script = "[0, 5].map((since) => m.progress(...input, since))"
+    told, later = paged(tmp_path, "measure/running.js", script, [job, run])
     assert told == f"1 measurement recorded, of 7 planned; {words}"
+    assert later == told.replace("12 s", "7 s"), "it runs down by the clock"
 
 
 def test_the_file_that_a_command_writes_is_that_of_its_words(tmp_path: Path) -> None:

@@ -2,27 +2,21 @@
 // obstacles.
 import { html } from "htm/preact";
 import { arm, file, plan } from "../core/editing.js";
-import { fixed, withUnit } from "../core/words.js";
 import { Making } from "../plan/Making.js";
 import { PlanBar, PlanMessage, PlanScene, useAddressedPlan, usePlanKeys } from "../plan/Plan.js";
 import { Fold } from "../parts/Fold.js";
 import { Workspace } from "../parts/Workspace.js";
-import { Constraints } from "./Constraints.js";
-import { Geometry, Instrument, Noise } from "./Header.js";
 import { Obstacles } from "./Obstacles.js";
 import { Pendant } from "./Pendant.js";
+import { Stated } from "./Stated.js";
 import { Targets } from "./Targets.js";
 
 function Robot() {
   if (arm.value === null) return html`<p class="muted">The robot cannot be read.</p>`;
-  const { vendor, model, name, joints, reach_mm, pendant, mounting } = arm.value;
+  const { vendor, model, name, about } = arm.value;
   return html`
-    <p><b>${[vendor, model ?? name].filter(Boolean).join(", ")}</b>: ${joints.length} joints,
-      reach ${fixed(reach_mm, 0)} mm from the axis of joint 1.
-      ${pendant.joint3 === "ground" ? " Joint 3 is counted from the ground: the angle between links 2 and 3 is J2 + J3."
-        : " Joint 3 is counted from link 2."}
-      ${mounting.below_base_mm === null ? " The mounting face is not stated."
-        : ` The mounting face is at z = ${withUnit(String(-mounting.below_base_mm), "mm")} of the base frame.`}</p>`;
+    <p><b>${[vendor, model ?? name].filter(Boolean).join(", ")}</b></p>
+    <${Fold} title="Joints, mounting and counting"><div dangerouslySetInnerHTML=${{ __html: about }} /><//>`;
 }
 
 export function Cell() {
@@ -42,10 +36,8 @@ export function Cell() {
     <h2>Robot</h2><${Robot} />
     <${Fold} title="Check it against the pendant"><${Pendant} key=${file.value} /><//>
     <h2>Targets</h2><${Targets} />
-    <h2>Instrument</h2><${Instrument} />
-    <${Fold} title="Noise"><${Noise} /><//>
-    <${Fold} title="Geometry of the arm"><${Geometry} /><//>
-    <${Fold} title="Constraints of the measurements"><${Constraints} /><//>
+    <h2>Instrument, noise, geometry and constraints</h2>
+    <${Stated} key=${file.value} keys=${["tool", "instruments", "noise", "geometry", "constraints"]} />
     <${Fold} title="Obstacles"><${Obstacles} /><//>`;
   return html`
     <${Workspace} name="Robot, instrument, targets and obstacles" message=${html`<${PlanMessage} />`}

@@ -253,17 +253,6 @@ export function redo() {
   set(after[0], { before: [...before, now], after: after.slice(1) });
 }
 
-/** Makes the folder of a new file where it is gone: a draft outlives it. @param {string} name */
-async function ensureFolderOf(name) {
-  const folder = calibrationOf(name), listed = await get("/api/files");
-  if (folder === "." || listed.some((one) => one.path.startsWith(`${folder}/`))) return;
-  try {
-    await post("/api/folders", { name: folder });
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error; // it is there, and empty; else the plan is refused, and says why
-  }
-}
-
 let saving = Promise.resolve(true);
 /**
  * Writes the plan, after what is being written; where the file has changed meanwhile, `conflict` says so and nothing
@@ -282,7 +271,6 @@ async function write(as) {
   if (same && version !== null && !unsaved.value) return true;
   const text = JSON.stringify(content), left = () => file.value !== name; // another plan is open by now
   try {
-    if (version === null) await ensureFolderOf(as);
     const done = await put("/api/plan", { file: as, plan: content }, version);
     if (!left() || JSON.stringify(draftOf(name)?.content) === text) forget(name);
     batch(() => {

@@ -21,9 +21,6 @@ import { get, post, Refused, remove } from "./api.js";
  *   inputs: NonNullable<Shown["inputs"]> & {header: {provenance?: Record<string, string>}},
  *   plan: string | null, said: string[], removed: string | null, notes: string[],
  *   converted: boolean, files: {file: string}[], refused: Line[], listed: Line[], to_state: string[]}} Printed
- * @typedef {{name: string, offsets: import("answers").BriefOffset[]}} ComparedRun
- * @typedef {{verdict: string, headline: string, notes: string[], runs: ComparedRun[],
- *   offsets: {name: string, unit: string, ratio: number | null}[]}} Comparison of `compare`
  * @typedef {{file: string, line: number, sentence: string, accepted?: boolean}} Line
  */
 

@@ -97,13 +97,15 @@ export const versionOf = (path) => files.value.find((file) => file.path === path
 /** @param {string} kind */
 export const ofKind = (kind) => files.value.filter((file) => file.kind === kind).map((file) => file.path);
 
-/** A name that no file has. @param {string} name @param {string} [before] what is before a number that is added */
+/**
+ * A name that no file and no folder of files has.
+ * @param {string} name @param {string} [before] what is before a number that is added
+ */
 export function freeName(name, before = "-") {
-  const taken = new Set(files.value.map((file) => file.path));
   const dot = name.lastIndexOf("."), cut = dot > name.lastIndexOf("/") + 1 ? dot : name.length;
   for (let k = 1; ; k++) {
     const other = k === 1 ? name : `${name.slice(0, cut)}${before}${k}${name.slice(cut)}`;
-    if (!taken.has(other)) return other;
+    if (!files.value.some(({ path }) => path === other || path.startsWith(`${other}/`))) return other;
   }
 }
 

@@ -5,12 +5,12 @@ import { useSignal } from "@preact/signals";
 import { get, latest, post, put, Refused } from "../core/api.js";
 import { failed, freeName, inside, refresh, robots, say } from "../core/store.js";
 import { TextField } from "../parts/Controls.js";
-import { Group } from "./HeaderPart.js";
+import { keyOf, nearest, places } from "../parts/schema.js";
+import { Group } from "../parts/StatedParts.js";
 import { beginning, pick } from "./header.js";
 import { ensureFolder, folder } from "./sources.js";
-import { keyOf, places } from "./schema.js";
 
-/** @typedef {import("./schema.js").Schema} Schema */
+/** @typedef {import("../parts/schema.js").Schema} Schema */
 
 export function HeaderForm() {
   const schema = useSignal(/** @type {Schema | null} */ (null));
@@ -23,11 +23,8 @@ export function HeaderForm() {
 
   /** An error is shown at the innermost place that its key leads to. @param {Refused} error */
   function refuse(error) {
-    const at = keyOf(error.key.slice(1));
-    const all = schema.value ? places(schema.value, schema.value, content.value).map(({ path }) => keyOf(path)) : [];
-    const near = error.key[0] === "header"
-      ? all.filter((key) => key && (at === key || at.startsWith(`${key}/`))).sort((a, b) => b.length - a.length)[0]
-      : undefined;
+    const near = schema.value && error.key[0] === "header"
+      ? nearest(schema.value, content.value, error.key.slice(1)) : "";
     errors.value = near ? { [near]: error.text } : {};
     fileFault.value = error.key[0] === "file" ? error.text : "";
     fault.value = near || fileFault.value ? "" : error.text;

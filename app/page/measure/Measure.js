@@ -8,6 +8,7 @@ import { calibrationOf, go, route, toJob } from "../core/route.js";
 import { addressed, attempt, calibration, failed, versionOf } from "../core/store.js";
 import { expandedWord, named, spread, withUnit } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
+import { useSince } from "../parts/JobProgress.js";
 import { into } from "../parts/Controls.js";
 import { Message } from "../parts/Message.js";
 import { Workspace } from "../parts/Workspace.js";
@@ -38,12 +39,12 @@ function Confirm({ text }) {
 
 /** Where the run is, or what came of it: the server's message once there is one. */
 function Now() {
-  const at = state.value, seen = run.value;
+  const at = state.value, seen = run.value, since = useSince(at);
   if (!at) return null;
   const words = now(at, seen, settled.value), notes = remarks(at, seen);
   const rest = html`
     <progress max="1" value=${at.share} aria-label="Measurements done"></progress>
-    <p class="muted time">${progress(at, seen)}</p>
+    <p class="muted time">${progress(at, seen, since)}</p>
     <ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`;
   if (seen.end) {
     return html`

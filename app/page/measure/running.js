@@ -186,14 +186,15 @@ const leftHow = (/** @type {boolean} */ atLeast, /** @type {boolean} */ mayEndSo
  * How much is done, and how long the rest takes.
  * @param {Pick<JobState, "state" | "left_s" | "left_at_least">} at
  * @param {Pick<RunSeen, "recorded" | "refused" | "postures" | "rig" | "tolerance">} seen
+ * @param {number} since seconds since the server said so
  */
-export function progress(at, seen) {
+export function progress(at, seen, since) {
   const refused = seen.refused.length ? `, ${seen.refused.length} refused` : "";
   const planned = seen.postures ? `, of ${seen.postures} planned` : "";
   const parts = [`${counted(seen.recorded.length, "measurement")} recorded${refused}${planned}`];
   if (at.state === "running" && at.left_s !== null && at.left_s !== undefined && seen.rig !== "manual"
     && seen.rig !== "live") {
-    parts.push(`${leftHow(at.left_at_least, seen.tolerance !== null)} ${duration(at.left_s)} left`);
+    parts.push(`${leftHow(at.left_at_least, seen.tolerance !== null)} ${duration(at.left_s - since)} left`);
   }
   return `${parts.join("; ")}.`;
 }

@@ -5,7 +5,6 @@ import { upload } from "../core/api.js";
 import { route } from "../core/route.js";
 import { attempt, files, freeName, inside, refresh, typedIn } from "../core/store.js";
 import { sentence } from "../core/words.js";
-import { zip } from "../core/zip.js";
 import { Choice, filesOf, into, TextField } from "../parts/Controls.js";
 import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Form } from "../parts/Form.js";
@@ -36,20 +35,17 @@ export function MyPrograms({ run }) {
   if (!form) return html`<p class="muted">…</p>`;
   const endings = [...new Set(form.files)], read = [...endings, ".zip"];
   const isRead = (/** @type {string} */ name) => read.some((ending) => name.toLowerCase().endsWith(ending));
-  const proposed = program.value && freeName(program.value.replace(/\.\w+$/, "-converted"));
+  const proposed = program.value && freeName(`${program.value.replace(/\.\w+$/, "")}-converted`);
+  const choices = [...files.value.map((one) => one.path).filter(isRead), program.value];
   const send = (/** @type {File[]} */ sent) => attempt(async () => {
-    const of = route.value.name, folder = sent.some((file) => file.webkitRelativePath);
-    const programs = sent.filter((file) => isRead(file.name));
-    if (!programs.length) return;
-    /** @type {{name: string, content: Blob}} */
-    let one = { name: programs[0].name, content: programs[0] };
-    if (folder || programs.length > 1) {
-      const name = (/** @type {File} */ file) => file.webkitRelativePath.split("/").slice(1).join("/") || file.name;
-      const all = await Promise.all(programs.map(async (file) =>
-        ({ name: name(file), content: new Uint8Array(await file.arrayBuffer()) })));
-      one = { name: `${folder ? programs[0].webkitRelativePath.split("/")[0] : "programs"}.zip`, content: zip(all) };
+    const programs = sent.filter((file) => isRead(file.name)), [first] = programs;
+    if (!first) return;
+    const [folder] = first.webkitRelativePath.split("/"), several = folder !== "" || programs.length > 1;
+    const to = freeName(inside(route.value.name) + (folder || (several ? "programs" : first.name)));
+    for (const file of programs) {
+      await upload(several ? `${to}/${file.webkitRelativePath.slice(folder.length + 1) || file.name}` : to, file);
     }
-    program.value = (await upload(freeName(`${inside(of)}${one.name}`), one.content)).file;
+    program.value = to;
     made.value = null;
     await refresh();
   });
@@ -70,7 +66,7 @@ export function MyPrograms({ run }) {
       <p class="muted">Convert all programs of the arm, or they will disagree: send the folder of a backup, all files at
         once, or a zip.</p>
       <${Choice} label="Program of the folder" value=${program.value} none="choose a program"
-        items=${files.value.filter((one) => isRead(one.path)).map((one) => [one.path, one.path])}
+        items=${[...new Set(choices)].filter(Boolean)}
         onValue=${(/** @type {string} */ value) => { program.value = value; made.value = null; }} />
       <label><span class="label">or send files (${endings.join(", ")}; of KRL .src, .dat and
         $config.dat, of FANUC SYSFRAME.VA too) or a zip</span>

@@ -62,10 +62,6 @@ def offered_run(plan: Plan, vendor: str | None) -> OfferedRun:
 
 
 Source = Callable[..., object]
-# What help says to who types a command, and a form shows by its place.
-_TYPED = re.compile(
-    r"^(ABB|Manual|Simulated|optimal|x, y|With --[^:]+|fanuc[^:]*|urscript): | Repeatable\.| Not for verify\."
-)
 _UNITS = re.compile(r"_(mm|deg|s)$")  # as names of options end
 # What people call the words of options.
 _WORDS = {
@@ -167,7 +163,7 @@ def _field(one: OptionField) -> FormField:
     return FormField(
         flag=one.flag,
         label=option.label or capital(_UNITS.sub("", name.replace(" ", "_")).replace("_", " ")),
-        help=capital(_TYPED.sub("", option.help)),
+        help=capital(option.help),
         kind=kind,
         unit=option.unit or (unit and unit[1]),
         least=option.least,

@@ -38,7 +38,7 @@ from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import VersionOfFile, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
 from .forms import RigForm, offered_run, run_forms
-from .robot_library import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
+from .robot_library import DrawnArm, arm_of, placed, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
 MOST_WITHOUT = 30  # postures that are left out in one answer
@@ -184,6 +184,14 @@ def plan_file(folder: Folder, file: str) -> ReadPlan:
         rigs=run_forms(offered_run(read, arm.vendor), arm.vendor),
         notes=[*notes, *read.warnings],
     )
+
+
+@end_point("GET /api/plan/schema", "JSON Schema of a plan.")
+def schema(_: Folder) -> Content:
+    """JSON Schema of a plan."""
+    from ....experiments.schema import json_schema  # with all kinds of files: half a second
+
+    return json_schema("plan")
 
 
 @end_point("PUT /api/plan", "Writes a plan: a new file, or in place of a plan.")
@@ -416,7 +424,7 @@ def _scene(aimed: AimedPlan, violations: Sequence[Violation], *, links: bool) ->
     origins, targets = rounded(postures.origin, 3), rounded(at, 3)
     beams = rounded(np.stack([postures.origin, postures.end], axis=1), 3)
     sights = _sights(aimed, postures.joints)
-    axes, poses = placed_links(scene_plan.robot, postures.joints) if links else (None, None)
+    _, axes, poses = placed(scene_plan.robot, postures.joints) if links else (None, None, None)
     broken_in = [[broken for broken in violations if broken.posture == i] for i in range(len(joints))]
     return [
         PostureScene(

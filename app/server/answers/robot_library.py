@@ -30,6 +30,8 @@ from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import decode, read_bytes
 from ....model.parsing.validation import Vector, as_tuple
 from ....model.records import if_any, it, record
+from ....reports.output.html import fragment
+from ....reports.plan.robot_page import robot_page
 from ..index import Folder
 from ..requests import end_point, noted, wrong
 
@@ -166,6 +168,8 @@ class DrawnArm(ShownArm):
         list[list[float]],
         it("n lower and upper limits, deg (mm), joint 3 from link 2; `joints` has the pendant's"),
     ]
+    about: Annotated[str, it("joints, mounting and counting as `zerobeam robot` shows them, as HTML")]
+    pose: Annotated[str, it("the flange in the first posture in the forms of pendants, as HTML")]
     notes: Annotated[list[str] | None, it("where numbers look wrong"), if_any] = None
 
 
@@ -222,32 +226,37 @@ def drawn_robot(
     return arm_of(arm, notes)
 
 
-def placed_links(robot: Robot, joints: Matrix) -> tuple[list[Any], list[Any]]:
-    """At each of joints (N, n), rad or mm, the joints' axes, n unit vectors, and the n + 1 poses of base and
-    links."""
-    axes, links = (np.array(part).reshape(3, len(joints), -1) for part in _placed(robot)(joints.T))
+def placed(robot: Robot, joints: Matrix) -> tuple[list[Any], list[Any], list[Any]]:
+    """At each of joints (N, n), rad or mm, the n + 2 points of the arm, the joints' axes, n unit vectors, and
+    the n + 1 poses of base and links."""
+    points, axes, links = (np.array(part).reshape(3, len(joints), -1) for part in _placed(robot)(joints.T))
     poses = links.reshape(3, len(joints), -1, 4)
-    return rounded(axes.transpose(1, 2, 0), 9), rounded(poses.transpose(1, 2, 0, 3), 6)
+    return (
+        rounded(points.transpose(1, 2, 0), 3),
+        rounded(axes.transpose(1, 2, 0), 9),
+        rounded(poses.transpose(1, 2, 0, 3), 6),
+    )
 
 
 @lru_cache(maxsize=8)
 def _placed(robot: Robot) -> ca.Function:
     theta = ca.SX.sym("theta", robot.n)
-    return ca.Function("arm", [theta], [ca.densify(part) for part in (robot.axes(theta), robot.links(theta))])
+    parts = robot.skeleton(theta), robot.axes(theta), robot.links(theta)
+    return ca.Function("arm", [theta], [ca.densify(part) for part in parts])
 
 
 def arm_of(arm: ShownArm, notes: list[str] | None = None) -> DrawnArm:
     """An arm in its first posture."""
-    theta = ca.SX.sym("theta", arm.robot.n)
-    parts = [arm.robot.skeleton(theta), arm.robot.axes(theta), arm.robot.links(theta)]
-    placed = ca.Function("arm", [theta], [ca.densify(part) for part in parts])
-    points, axes, links = (np.array(part) for part in placed(arm.poses[0].joints))
+    (skeleton,), (axes,), (links,) = placed(arm.robot, np.array([arm.poses[0].joints]))
+    about, pose, *_ = robot_page(arm).sections
     return DrawnArm(
         **vars(arm),
-        skeleton=rounded(points.T, 3),
-        axes=rounded(axes.T, 9),
-        links=rounded(links.reshape(3, -1, 4).transpose(1, 0, 2), 6),
+        skeleton=skeleton,
+        axes=axes,
+        links=links,
         ranges=rounded(np.stack([arm.robot.lower, arm.robot.upper], axis=1) * arm.robot.display[:, None], 9),
+        about=fragment([*about.lead, *about.blocks], {}),
+        pose=fragment([*pose.lead, *pose.blocks], {}),
         notes=notes,
     )
 

@@ -147,7 +147,9 @@ def _read(
     job: "ImportJob",
     j3: J3Origin = None,
     points: PointNames = None,
-    register: Annotated[int, Option("With --plan: the first position register of its program.", least=1)] = 1,
+    register: Annotated[
+        int, Option("the first position register of its program.", least=1, case="With --plan")
+    ] = 1,
 ) -> "Imported":
     planned = None if job.plan is None else len(job.plan.postures)
     named = partial(_named, first=register, planned=planned)

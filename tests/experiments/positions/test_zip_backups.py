@@ -1,15 +1,11 @@
-"""A backup as a zip archive: what the command reads, and what the page sends."""
+"""A backup as a zip archive."""
 
-import base64
-import shutil
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
 from made_backups import DIALECTS, kept, written
-from node import drawn
 
-from zerobeam import app
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.positions_page import write_conversion
 
@@ -45,19 +41,3 @@ def test_what_is_no_zip_is_refused(tmp_path: Path) -> None:
     (tmp_path / "backup.zip").write_bytes(b"PK\x03\x04 no archive")
     with pytest.raises(BadInput, match="the archive cannot be read"):
         kept(tmp_path / "backup.zip", "kr6_r900")
-
-
-def test_the_page_makes_archives_that_are_read(tmp_path: Path) -> None:
-    """zip.js of the page, run by Node."""
-    shutil.copy(Path(app.__file__).parent / "page" / "core" / "zip.js", tmp_path / "zip.mjs")
-    script = """import { zip } from "./zip.mjs";
-const files = [["R1/ä.src", "DEF a( )"], ["$config.dat", ""]];
-const made = zip(files.map(([name, text]) => ({ name, content: new TextEncoder().encode(text) })));
-console.log(JSON.stringify(Buffer.from(await made.arrayBuffer()).toString("base64")));"""
-    (tmp_path / "made.zip").write_bytes(base64.b64decode(drawn(tmp_path, script, None)))
-    with ZipFile(tmp_path / "made.zip") as archive:
-        assert archive.testzip() is None
-        assert {name: archive.read(name) for name in archive.namelist()} == {
-            "R1/ä.src": b"DEF a( )",
-            "$config.dat": b"",
-        }

@@ -81,6 +81,16 @@ export function places(root, schema, value, path = [], required = true) {
       places(root, itemOf(root, own), one, [...path, kind === "list" ? Number(key) : key], true))];
 }
 
+/**
+ * The innermost place of a form that a key leads to; "" where none does.
+ * @param {Schema} root @param {unknown} value @param {Path} path
+ */
+export function nearest(root, value, path) {
+  const at = keyOf(path), all = places(root, root, value).map((one) => keyOf(one.path));
+  return all.filter((key) => key && (at === key || at.startsWith(`${key}/`))).sort((a, b) => b.length - a.length)[0]
+    ?? "";
+}
+
 /** The key of a place in one word. @param {Path} path */
 export const keyOf = (path) => path.join("/");
 

@@ -1,16 +1,17 @@
-// The parts of a header's form: fields, groups of them, lists, entries by name.
+// The parts of a form by the JSON Schema of a file: fields, groups of them, lists, entries by name.
 import { html } from "htm/preact";
+import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { ALLOWED, parsed } from "../core/decimal.js";
-import { Check, heard } from "../parts/Controls.js";
+import { Check, heard } from "./Controls.js";
 import { alternativeOf, itemOf, keyOf, kindWords, LIST, numbersOf, partOf, resolved, shapeOf, title,
   unitOf } from "./schema.js";
 
 /** @typedef {import("./schema.js").Schema} Schema */
 /** @typedef {import("./schema.js").Path} Path */
 /**
- * @typedef {{root: Schema, errors: Record<string, string>, lists: Record<string, string[]>,
- *   touched: (key: string) => void}} FormFacts
+ * @typedef {{root: Schema, errors: Record<string, string>, lists: Record<string, string[]>, live?: boolean,
+ *   touched: (key: string) => void}} FormFacts `live`: what cannot be read is not handed on, to be refused later
  */
 /** @typedef {(value: unknown) => void} Heard */
 /**
@@ -71,14 +72,17 @@ function Field(props) {
   const key = String(path.at(-1)), at = keyOf(path), id = `header-${at.replace(/[^\w-]+/g, "-")}`;
   const taken = takenBy(schema, kinds), { words, logical, numeric, listed, texts } = taken;
   const shown = value == null ? "" : Array.isArray(value) ? value.join(texts ? ", " : " ") : String(value);
-  const text = useSignal(shown), refused = useSignal("");
+  const text = useSignal(shown), refused = useSignal(""), field = useRef(/** @type {HTMLInputElement | null} */ (null));
+  useEffect(() => {
+    if (document.activeElement !== field.current) { text.value = shown; refused.value = ""; }
+  }, [shown]);
   const take = (/** @type {string} */ given) => {
     text.value = given;
     form.touched(at);
     const plain = given.trim(), read = readBy(taken, plain);
     refused.value = read === null
       ? `allowed: ${listed && !numeric ? LIST : listed ? `${ALLOWED}; or ${LIST}` : ALLOWED}` : "";
-    onValue(read === null ? plain : read);
+    if (read !== null || !form.live) onValue(read === null ? plain : read);
   };
   const choose = (/** @type {string} */ given) => {
     form.touched(at);
@@ -101,7 +105,7 @@ function Field(props) {
   return html`
     <div class="stated" data-key=${at}><label><span class="label">${label}</span>
       <input type="text" autocomplete="off" spellcheck=${false} inputmode=${texts || listed ? "text" : "decimal"}
-        list=${list && `${id}-list`}
+        list=${list && `${id}-list`} ref=${field}
         aria-describedby=${id} aria-invalid=${Boolean(refused.value) || at in form.errors}
         placeholder=${usual == null ? undefined : [usual].flat().join(" ")} value=${text.value}
           onInput=${heard(take)} /></label>
@@ -163,7 +167,10 @@ function Entries({ form, schema, path, value, onValue, item, named }) {
 
 /** Entries by name: the name is a field of its own. @param {PartProps & {item: Schema}} props */
 function Named({ form, schema, path, value, onValue, item }) {
-  const pairs = useSignal(Object.entries(partOf(value)));
+  const pairs = useSignal(Object.entries(partOf(value))), own = JSON.stringify(partOf(value));
+  useEffect(() => {
+    if (JSON.stringify(Object.fromEntries(pairs.value)) !== own) pairs.value = Object.entries(partOf(value));
+  }, [own]);
   const set = (/** @type {[string, unknown][]} */ next) => {
     pairs.value = next;
     onValue(next.length ? Object.fromEntries(next) : undefined);
