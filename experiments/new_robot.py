@@ -92,8 +92,8 @@ def file_of_chain(name: str, vendor: str, chain: UrdfChain) -> RobotFile:
         joints[2]["lower_deg"] = round(between[0] - upper, _DIGITS)
         joints[2]["upper_deg"] = round(between[1] - lower, _DIGITS)
         content |= {"pendant": {"joint3": "ground"}, "limits": {"joint3_to_link2_deg": between}}
-    file = validate(RobotFile, content, file=chain.path, line=lambda _: None)
-    return file.of_robot(arm, _DIGITS)
+    with_zeros = validate(RobotFile, content, file=chain.path, line=lambda _: None)
+    return _stating(with_zeros.of_robot(arm, _DIGITS), chain.path)
 
 
 def _without_row(joint: Joint) -> dict[str, object]:
@@ -285,8 +285,9 @@ def with_fanuc_backup(file: RobotFile, folder: Path | None) -> RobotFile:
     return _stating(file, model=file.model or backup.model, encoder={"joint3": backup.encoder3})
 
 
-def _stating(file: RobotFile, **more: object) -> RobotFile:
-    return validate(RobotFile, file.content | more, file=None, line=lambda _: None)
+def _stating(file: RobotFile, path: Path | None = None, **more: object) -> RobotFile:
+    """The file with more in it, or as it is, checked; `path` is where its numbers are from."""
+    return validate(RobotFile, file.content | more, file=path, line=lambda _: None)
 
 
 def write_robot(path: Path, file: RobotFile, head: str = "") -> None:

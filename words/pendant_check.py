@@ -46,7 +46,7 @@ def change_sentence(change: EntryChange) -> str:
     entry, old, new = change.entry, change.old, change.new
     match change.kind:
         case "value" if isinstance(old, float | int) and isinstance(new, float | int):
-            return _value(entry, float(old), float(new), change.bound or 0.0)
+            return _value(change, float(old), float(new))
         case "swap":
             return f"{entry} are exchanged."
         case "convention":
@@ -71,8 +71,8 @@ def change_sentence(change: EntryChange) -> str:
     return f"{entry}: they are {right}, not {wrong}. The file may be right."
 
 
-def _value(entry: str, old: float, new: float, bound: float) -> str:
-    unit = "deg" if "deg" in entry or "rotation" in entry else "mm"
+def _value(change: EntryChange, old: float, new: float) -> str:
+    entry, bound, unit = change.entry, change.bound, change.unit
     right, wrong = numbers.exact(round(new, 3), unit), numbers.exact(round(old, 3), unit)
     within = f" ± {numbers.significant(bound, 1, unit)}" if bound > (0.05 if unit == "mm" else 0.005) else ""
     scale = abs(new)

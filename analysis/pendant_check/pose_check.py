@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Annotated, Literal
@@ -11,21 +11,23 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform
+from ...model.files.robot_file import RobotFile, StatedTransform
 from ...model.kinematics.robot import Robot
 from ...model.records import internal, it, key, record, worded
 from .poses import (
     FORMS,
-    Chain,
     Counting,
-    Element,
+    FileEntry,
     PendantPose,
     Tolerance,
     agree,
-    chain_of_robot,
-    chain_of_rows,
+    angle_between,
     count_of,
-    tolerance,
+    entries,
+    flange_at,
+    poses_along,
+    revolute,
+    with_row,
 )
 
 Kind = Literal[
@@ -40,56 +42,58 @@ _DECIMALS = range(4)
 class EntryChange:
     """One entry that is otherwise than stated, and the arm and reading that follow.
 
-    `bound` is by how much a fitted value may be off.
+    `bound` is by how much a fitted value may be off, in its `unit`.
     """
 
     kind: Annotated[Kind, it("of mistake")]
     entry: Annotated[str, it("what a person looks for")]
     old: Annotated[float | str, it("a value (mm, degrees) or a word", name="is")]
     new: Annotated[float | str, it("by which all poses agree", name="would_be")]
-    chain: Annotated[Chain, internal]
+    arm: Annotated[Robot, internal]
     reading: Annotated[Counting, internal]
-    bound: Annotated[float | None, internal] = None
+    bound: Annotated[float, internal] = 0.0
+    unit: Annotated[str, internal] = ""
 
 
-def listed_changes(source: RobotFile | Robot, chain: Chain, reading: Counting) -> Iterator[EntryChange]:
-    """All changes without a number of their own."""
+def listed_changes(source: RobotFile | Robot, arm: Robot, reading: Counting) -> Iterator[EntryChange]:
+    """All changes without a number of their own; `arm` is that of the source."""
     if isinstance(source, RobotFile):
         for kind, entry, old, new, other in _file_changes(source):
-            yield EntryChange(kind, entry, old, new, chain_of_rows(other), reading)
+            yield EntryChange(kind, entry, old, new, other.robot(), reading)
     else:
-        for entry, factor in (("all lengths of the URDF", _METRES), ("all lengths of the URDF", 1 / _METRES)):
-            yield EntryChange("metres", entry, "metres", "millimetres", _scaled(chain, factor), reading)
-    revolute = chain.revolute()
-    if chain.n > 2 and all(revolute[1:3]):
+        for factor in (_METRES, 1 / _METRES):
+            scaled = _scaled(arm, factor)
+            yield EntryChange("metres", "all lengths of the URDF", "metres", "millimetres", scaled, reading)
+    turns = revolute(arm)
+    if arm.n > 2 and turns[1:3].all():
         other3: Literal["link", "ground"] = "link" if reading.joint3 == "ground" else "ground"
         changed = replace(reading, joint3=other3)
-        yield EntryChange("joint3", "pendant.joint3", reading.joint3, other3, chain, changed)
-    for i in range(chain.n):
+        yield EntryChange("joint3", "pendant.joint3", reading.joint3, other3, arm, changed)
+    for i in range(arm.n):
         changed = replace(reading, reversed_joint=i)
-        yield EntryChange("sign", f"direction of joint {i + 1}", "", "", chain, changed)
-    for i, j in combinations(range(chain.n), 2):
-        if revolute[i] == revolute[j]:
+        yield EntryChange("sign", f"direction of joint {i + 1}", "", "", arm, changed)
+    for i, j in combinations(range(arm.n), 2):
+        if turns[i] == turns[j]:
             entry = f"order of joints {i + 1} and {j + 1}"
-            yield EntryChange("exchange", entry, "", "", chain, replace(reading, exchanged=(i, j)))
+            yield EntryChange("exchange", entry, "", "", arm, replace(reading, exchanged=(i, j)))
     for factor, unit in ((math.degrees(1), "radians"), (math.radians(1), "degrees")):
         other_unit = "degrees" if unit == "radians" else "radians"
         changed = replace(reading, joint_factor=factor)
-        yield EntryChange("radians", "joint values of the pendant", other_unit, unit, chain, changed)
-    yield from _pose_changes(chain, reading)
+        yield EntryChange("radians", "joint values of the pendant", other_unit, unit, arm, changed)
+    yield from _pose_changes(arm, reading)
 
 
-def _pose_changes(chain: Chain, reading: Counting) -> Iterator[EntryChange]:
+def _pose_changes(arm: Robot, reading: Counting) -> Iterator[EntryChange]:
     for form in FORMS:
         if form != reading.form and count_of(form) == count_of(reading.form):
             other = replace(reading, form=form)
-            yield EntryChange("pendant", "order of the pose's angles", reading.form, form, chain, other)
+            yield EntryChange("pendant", "order of the pose's angles", reading.form, form, arm, other)
     if reading.form not in ("quaternion", "rotation-vector"):
         changed = replace(reading, angle_factor=math.degrees(1))
-        yield EntryChange("pendant", "unit of the pose's angles", "degrees", "radians", chain, changed)
+        yield EntryChange("pendant", "unit of the pose's angles", "degrees", "radians", arm, changed)
     for factor, unit in ((_METRES, "metres"), (25.4, "inches")):
         changed = replace(reading, place_factor=factor)
-        yield EntryChange("pendant", "unit of the pose's X, Y, Z", "millimetres", unit, chain, changed)
+        yield EntryChange("pendant", "unit of the pose's X, Y, Z", "millimetres", unit, arm, changed)
 
 
 FileChange = tuple[Kind, str, float | str, float | str, RobotFile]
@@ -102,7 +106,7 @@ def _file_changes(file: RobotFile) -> Iterator[FileChange]:
         for one, two in (("a_mm", "d_mm"), ("alpha_deg", "theta_deg")):
             first, second = getattr(row, one), getattr(row, two)
             if first != second:
-                swapped = _with_row(file, i, {one: second, two: first})
+                swapped = with_row(file, i, {one: second, two: first})
                 yield "swap", f"{one} and {two} of joint {i + 1}", first, second, swapped
     lengths, angles = ("a_mm", "d_mm"), ("alpha_deg", "theta_deg", "beta_deg")
     rows_in_metres = _rows_times(file, lengths, _METRES)
@@ -132,12 +136,6 @@ def _file_changes(file: RobotFile) -> Iterator[FileChange]:
             )
 
 
-def _with_row(file: RobotFile, i: int, values: Mapping[str, float]) -> RobotFile:
-    rows: list[StatedJoint] = list(file.joints)
-    rows[i] = rows[i].model_copy(update=dict(values))
-    return file.model_copy(update={"joints": tuple(rows)})
-
-
 def _rows_times(file: RobotFile, keys: Sequence[str], factor: float) -> RobotFile:
     rows = (row.model_copy(update={key: factor * getattr(row, key) for key in keys}) for row in file.joints)
     return file.model_copy(update={"joints": tuple(rows)})
@@ -147,42 +145,37 @@ def _in_metres(frame: StatedTransform) -> StatedTransform:
     return frame.model_copy(update={"xyz_mm": tuple(_METRES * value for value in frame.xyz_mm)})
 
 
-def _scaled(chain: Chain, factor: float) -> Chain:
-    parts = (
-        replace(part, value=factor * part.value) if isinstance(part, Element) and not part.turns else part
-        for part in chain.parts
-    )
-    return replace(chain, parts=tuple(parts))
+def _scaled(arm: Robot, factor: float) -> Robot:
+    """The arm with all lengths times a factor."""
+
+    def longer(pose: Matrix) -> Matrix:
+        return np.hstack([pose[:, :3], pose[:, 3:] * [[factor], [factor], [factor], [1.0]]])
+
+    joints = tuple(replace(joint, fixed=longer(joint.fixed)) for joint in arm.joints)
+    return replace(arm, joints=joints, flange=longer(arm.flange))
 
 
-def chain_of(source: RobotFile | Robot) -> Chain:
-    """The chain of a robot file's rows, or of a robot that has none."""
-    return chain_of_rows(source) if isinstance(source, RobotFile) else chain_of_robot(source)
+def fitted_changes(
+    source: RobotFile | Robot, arm: Robot, reading: Counting, poses: Sequence[PendantPose]
+) -> Iterator[EntryChange]:
+    """Each entry with the value that brings the arm closest to the poses."""
+    joints = [reading.joints(pose, arm) for pose in poses]
+    weights = np.empty((len(poses), 3, 4))
+    for pose, weight in zip(poses, weights, strict=True):
+        _, allowed = flange_at(arm, reading, pose)
+        weight[:, :3], weight[:, 3] = 1 / allowed.angle, 1 / allowed.position
+    aim = weights * [reading.pose(pose)[:3] for pose in poses]
 
+    def weighted(changed: Robot) -> Matrix:
+        return np.asarray(weights * [poses_along(changed, values)[-1][:3] for values in joints])
 
-def fitted_changes(chain: Chain, reading: Counting, poses: Sequence[PendantPose]) -> Iterator[EntryChange]:
-    """Each element with the value that brings the chain closest to the poses."""
-    sights = []
-    for pose in poses:
-        before = chain.before(reading.joints(pose, chain.revolute()))
-        shown, allowed = reading.pose(pose), tolerance(chain, before, reading, pose)
-        weights = np.full((3, 4), 1 / allowed.angle)
-        weights[:, 3] = 1 / allowed.position
-        sights.append((before, shown, weights))
-    for k, part in enumerate(chain.parts):
-        if not isinstance(part, Element):
-            continue
-        columns, aims = [], []
-        for before, shown, weights in sights:
-            behind = np.linalg.solve(before[k + 1], before[-1])
-            terms = [before[k] @ each @ behind for each in part.basis()]
-            columns.append(np.stack([(weights * term[:3]).ravel() for term in terms], axis=1))
-            aims.append((weights * shown[:3]).ravel())
-        value, bound = _solved(np.concatenate(columns), np.concatenate(aims), part.turns)
-        rounded = _roundest(chain, k, value, reading, poses)
-        yield EntryChange(
-            "value", part.entry, part.value, rounded, chain.with_value(k, rounded), reading, bound
-        )
+    for entry in entries(source):
+        parts = [part.ravel() for part in entry.parts(weighted)]
+        value, bound = _solved(np.stack(parts, axis=1), aim.ravel(), entry.turns)
+        rounded = _roundest(entry, value, reading, poses)
+        unit = "deg" if entry.turns else "mm"
+        changed = entry.arm(rounded)
+        yield EntryChange("value", entry.name, entry.value, rounded, changed, reading, bound, unit)
 
 
 def _solved(terms: Matrix, aim: Matrix, turns: bool) -> tuple[float, float]:
@@ -204,13 +197,13 @@ def _solved(terms: Matrix, aim: Matrix, turns: bool) -> tuple[float, float]:
     return math.degrees(math.remainder(angle, 2 * math.pi)), math.degrees(1 / math.sqrt(float(slope @ slope)))
 
 
-def _roundest(chain: Chain, k: int, value: float, reading: Counting, poses: Sequence[PendantPose]) -> float:
+def _roundest(entry: FileEntry, value: float, reading: Counting, poses: Sequence[PendantPose]) -> float:
     """The value with the fewest decimals that agrees with the poses; as it is, if none does."""
-    if not agree(chain.with_value(k, value), reading, poses, 2.0):
+    if not agree(entry.arm(value), reading, poses, 2.0):
         return value
     for decimals in _DECIMALS:
         rounded = round(value, decimals) + 0.0
-        if agree(chain.with_value(k, rounded), reading, poses):
+        if agree(entry.arm(rounded), reading, poses):
             return rounded
     return value
 
@@ -269,75 +262,63 @@ class PendantCheck:
 def check_poses(source: RobotFile | Robot, reading: Counting, poses: Sequence[PendantPose]) -> PendantCheck:
     """Compare a robot file, or a robot without rows, with poses of its pendant, and look for one change of it
     that explains what deviates."""
-    chain = chain_of(source)
-    deviations = tuple(_deviation(chain, reading, pose) for pose in poses)
-    changes = list(listed_changes(source, chain, reading))
-    explained = [change for change in changes if agree(change.chain, change.reading, poses)]
+    arm = source.robot() if isinstance(source, RobotFile) else source
+    deviations = tuple(_deviation(arm, reading, pose) for pose in poses)
+    changes = listed_changes(source, arm, reading)
+    explained = [change for change in changes if agree(change.arm, change.reading, poses)]
     if all(each.share <= 1 for each in deviations):
         unchecked = tuple(
             change
             for change in explained
-            if change.kind != "pendant" and not _same(chain, reading, change, poses)
+            if change.kind != "pendant" and not _same(arm, reading, change, poses)
         )
         return PendantCheck(deviations, (), True, None, None, unchecked)
-    explained += [
-        change
-        for change in fitted_changes(chain, reading, poses)
-        if agree(change.chain, change.reading, poses)
-    ]
-    same = all(_same(explained[0].chain, explained[0].reading, other, poses) for other in explained[1:])
+    fitted = fitted_changes(source, arm, reading, poses)
+    explained += [change for change in fitted if agree(change.arm, reading, poses)]
+    same = all(_same(explained[0].arm, explained[0].reading, other, poses) for other in explained[1:])
     tool = frame = None
     if not explained and len(poses) > 1:
-        tool, frame = (
-            _constant(chain, reading, poses, behind=True),
-            _constant(chain, reading, poses, behind=False),
-        )
+        tool, frame = (_constant(arm, reading, poses, behind=behind) for behind in (True, False))
     return PendantCheck(deviations, tuple(explained), same, tool, frame, ())
 
 
-def _deviation(chain: Chain, reading: Counting, pose: PendantPose) -> Deviation:
-    before = chain.before(reading.joints(pose, chain.revolute()))
+def _deviation(arm: Robot, reading: Counting, pose: PendantPose) -> Deviation:
+    computed, allowed = flange_at(arm, reading, pose)
     shown = reading.pose(pose)
-    position = float(np.linalg.norm(before[-1][:3, 3] - shown[:3, 3]))
-    angle = Tolerance(np.inf, 1.0).share(before[-1], shown)
-    allowed = tolerance(chain, before, reading, pose)
-    allowed_deg = float(np.degrees(allowed.angle))
-    share = allowed.share(before[-1], shown)
-    return Deviation(position, float(np.degrees(angle)), allowed.position, allowed_deg, share)
+    return Deviation(
+        float(np.linalg.norm(computed[:3, 3] - shown[:3, 3])),
+        math.degrees(angle_between(computed, shown)),
+        allowed.position,
+        math.degrees(allowed.angle),
+        allowed.share(computed, shown),
+    )
 
 
-def _same(chain: Chain, reading: Counting, change: EntryChange, poses: Sequence[PendantPose]) -> bool:
-    """Whether a change makes the arm of `chain` and `reading` in every posture, for these digits."""
+def _same(arm: Robot, reading: Counting, change: EntryChange, poses: Sequence[PendantPose]) -> bool:
+    """Whether a change makes the same arm, with its reading, in every posture, for these digits."""
     rng = np.random.default_rng(0)
-    revolute = chain.revolute()
-    limit = np.where(revolute, 150.0, 300.0)
-    digits = poses[0]
-    for values in rng.uniform(-limit, limit, (_OTHER_POSTURES, chain.n)):
-        numbers = PendantPose(
-            tuple(values.tolist()), (), digits.joint_digit, digits.place_digit, digits.angle_digit
-        )
-        before = chain.before(reading.joints(numbers, revolute))
-        other = change.chain.pose(change.reading.joints(numbers, revolute))
-        if tolerance(chain, before, reading, numbers).share(before[-1], other) > _LOOSE:
+    limit = np.where(revolute(arm), 150.0, 300.0)
+    for values in rng.uniform(-limit, limit, (_OTHER_POSTURES, arm.n)):
+        counted = replace(poses[0], counted=tuple(values.tolist()))
+        computed, allowed = flange_at(arm, reading, counted)
+        other = poses_along(change.arm, change.reading.joints(counted, change.arm))[-1]
+        if allowed.share(computed, other) > _LOOSE:
             return False
     return True
 
 
-def _constant(
-    chain: Chain, reading: Counting, poses: Sequence[PendantPose], *, behind: bool
-) -> Matrix | None:
+def _constant(arm: Robot, reading: Counting, poses: Sequence[PendantPose], *, behind: bool) -> Matrix | None:
     """The transform behind the flange, or before the base, that the first pose asks for, if the others agree
     with it."""
     first: Matrix | None = None
     for pose in poses:
-        before = chain.before(reading.joints(pose, chain.revolute()))
-        computed, shown = before[-1], reading.pose(pose)
+        computed, allowed = flange_at(arm, reading, pose)
+        shown = reading.pose(pose)
         if first is None:
             inverse = np.linalg.inv(computed)
             first = np.asarray(inverse @ shown if behind else shown @ inverse)
             continue
         expected = computed @ first if behind else first @ computed
-        allowed = tolerance(chain, before, reading, pose)
         if Tolerance(2 * allowed.position, 2 * allowed.angle).share(expected, shown) > 1:
             return None
     return first

@@ -1,10 +1,13 @@
-"""Poses of the flange that a pendant shows at joint values, with the digits that it shows."""
+"""Poses of the flange that a pendant shows at joint values, with the digits that it shows, and the numbers of
+an arm's file that they depend on."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import accumulate
 from typing import Literal
 
 import numpy as np
@@ -12,9 +15,8 @@ import scipy
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile, StatedTransform
-from ...model.kinematics.dh import AXIS, LENGTHS, ORDER
+from ...model.kinematics.dh import LENGTHS, ORDER
 from ...model.kinematics.orientation import (
-    angles_of,
     from_abc,
     from_quaternion,
     from_rotation_vector,
@@ -22,134 +24,101 @@ from ...model.kinematics.orientation import (
     from_xyz,
     from_zyz,
 )
-from ...model.kinematics.robot import J3, Joint, Robot, rotation_about, shift
+from ...model.kinematics.robot import J3, Robot
 
-_SHIFTS = ("x", "y", "z")
-_TURNS = ("z", "y", "x")  # roll, pitch, yaw from the left
+_DIGITS = 13  # of the numbers that a transform is taken apart into
 
 
-@dataclass(frozen=True)
-class Element:
-    """A shift by `value` mm along a coordinate axis, or a rotation by `value` degrees about it, which is what
-    `entry` of the file states."""
+@dataclass(frozen=True, eq=False)
+class FileEntry:
+    """A number that an arm's file states: a length, mm, or an angle, degrees; `arm` is the arm with another
+    one."""
 
-    entry: str
+    name: str
     turns: bool
-    axis: str
     value: float
+    arm: Callable[[float], Robot]
 
-    def matrix(self) -> Matrix:
-        if self.turns:
-            return rotation_about(self.axis, np.radians(self.value))
-        return shift(**{self.axis: self.value})
-
-    def basis(self) -> list[Matrix]:
-        """The matrices of which `matrix` is the sum: by 1 and the value, or by 1, its cosine and its sine."""
+    def parts(self, flange: Callable[[Robot], Matrix]) -> list[Matrix]:
+        """What a pose of the flange is the sum of: by 1 and the value, or by 1, its cosine and its sine."""
         if not self.turns:
-            return [np.eye(4), shift(**{self.axis: 1.0}) - np.eye(4)]
-        quarter, back = (rotation_about(self.axis, sign * np.pi / 2) for sign in (1, -1))
-        fixed = (quarter + back) / 2
-        return [fixed, np.eye(4) - fixed, (quarter - back) / 2]
+            fixed = flange(self.arm(0.0))
+            return [fixed, flange(self.arm(1.0)) - fixed]
+        ahead, across, back = (flange(self.arm(angle)) for angle in (0.0, 90.0, 180.0))
+        fixed = (ahead + back) / 2
+        return [fixed, ahead - fixed, across - fixed]
 
 
-@dataclass(frozen=True, eq=False)
-class JointMotion:
-    """The motion of joint `index` (from 0)."""
-
-    index: int
-    joint: Joint
-
-    @property
-    def turns(self) -> bool:
-        return self.joint.kind == "revolute"
-
-
-Part = Element | JointMotion
-
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """Parts in their order from the base to the flange, and the number of joints."""
-
-    parts: tuple[Part, ...]
-    n: int
-
-    def revolute(self) -> list[bool]:
-        return [part.turns for part in self.parts if isinstance(part, JointMotion)]
-
-    def before(self, joints: Matrix) -> list[Matrix]:
-        """Poses (4, 4) before each part at joints (n,), rad or mm, and behind the last: the flange's."""
-        poses = [np.eye(4)]
-        for part in self.parts:
-            if isinstance(part, JointMotion):
-                poses.append(poses[-1] @ part.joint.motion(joints[part.index]))
-            else:
-                poses.append(poses[-1] @ part.matrix() if part.value else poses[-1])
-        return poses
-
-    def pose(self, joints: Matrix) -> Matrix:
-        """(4, 4) of the flange."""
-        return self.before(joints)[-1]
-
-    def levers(self, poses: Sequence[Matrix]) -> Matrix:
-        """(n,) by how many mm the flange moves for a radian of each joint, 1 for a mm of one that slides;
-        `poses` are those of `before`."""
-        moving = [
-            (part.index, pose[:3, :3] @ part.joint.axis, poses[-1][:3, 3] - pose[:3, 3])
-            for part, pose in zip(self.parts, poses, strict=False)
-            if isinstance(part, JointMotion) and part.turns
-        ]
-        result = np.ones(self.n)
-        if moving:
-            indices, axes, arms = zip(*moving, strict=True)
-            result[list(indices)] = np.linalg.norm(np.cross(axes, arms), axis=1)
-        return result
-
-    def with_value(self, k: int, value: float) -> Chain:
-        """The chain with another value of part `k`, an element."""
-        part = self.parts[k]
-        assert isinstance(part, Element)
-        return replace(self, parts=(*self.parts[:k], replace(part, value=value), *self.parts[k + 1 :]))
-
-
-def chain_of_rows(file: RobotFile) -> Chain:
-    """The chain of a robot file; parts that a person cannot have mistyped, since the file has no number for
-    them, are left out."""
-    parts: list[Part] = list(_frame("base", file.base))
-    for i, row in enumerate(file.joints):
-        for name in ORDER[file.convention]:
-            if name is None:
-                parts.append(JointMotion(i, row.joint(i + 1, np.eye(4))))
-            elif name != "beta" or row.beta_deg:
+def entries(source: RobotFile | Robot) -> Iterator[FileEntry]:
+    """All that a person can have mistyped, from the base to the flange; of a robot that has no rows the
+    numbers of the transforms between its joints."""
+    if isinstance(source, Robot):
+        for i, joint in enumerate(source.joints):
+            yield from _of_origin(f" of joint {joint.name}", joint.fixed, partial(_with_fixed, source, i))
+        yield from _of_origin(" of the tip", source.flange, lambda flange: replace(source, flange=flange))
+        return
+    yield from _of_frame("base", source)
+    for i, row in enumerate(source.joints):
+        for name in ORDER[source.convention]:
+            if name is not None and (name != "beta" or row.beta_deg):
                 turns = name not in LENGTHS
                 key = f"{name}_{'deg' if turns else 'mm'}"
-                parts.append(Element(f"{key} of joint {i + 1}", turns, AXIS[name], getattr(row, key)))
-    parts += _frame("flange", file.flange)
-    return Chain(tuple(parts), len(file.joints))
+                yield FileEntry(
+                    f"{key} of joint {i + 1}", turns, getattr(row, key), partial(_with_entry, source, i, key)
+                )
+    yield from _of_frame("flange", source)
 
 
-def chain_of_robot(robot: Robot) -> Chain:
-    """The chain of a robot that has no rows: entries are those of the transforms between its joints."""
-    parts: list[Part] = []
-    for i, joint in enumerate(robot.joints):
-        parts += _origin(f"of joint {joint.name}", joint.fixed)
-        parts.append(JointMotion(i, joint))
-    parts += _origin("of the tip", robot.flange)
-    return Chain(tuple(parts), robot.n)
+def with_row(file: RobotFile, i: int, values: Mapping[str, float]) -> RobotFile:
+    """The file with other values of joint i (from 0)."""
+    rows = list(file.joints)
+    rows[i] = rows[i].model_copy(update=dict(values))
+    return file.model_copy(update={"joints": tuple(rows)})
 
 
-def _frame(key: str, frame: StatedTransform) -> Iterator[Element]:
-    for axis, value in zip(_SHIFTS, frame.xyz_mm, strict=True):
-        yield Element(f"{axis} of {key}.xyz_mm", False, axis, value)
-    for axis, value in zip(_TURNS, reversed(frame.rpy_deg), strict=True):
-        yield Element(f"turn about {axis} of {key}.rpy_deg", True, axis, value)
+def _with_entry(file: RobotFile, i: int, key: str, value: float) -> Robot:
+    return with_row(file, i, {key: value}).robot()
 
 
-def _origin(joint: str, fixed: Matrix) -> Iterator[Element]:
-    for axis, value in zip(_SHIFTS, fixed[:3, 3].tolist(), strict=True):
-        yield Element(f"origin {axis} {joint}", False, axis, value)
-    for axis, value in zip(_TURNS, reversed(angles_of(fixed[:3, :3])), strict=True):
-        yield Element(f"origin rotation about {axis} {joint}", True, axis, float(np.degrees(value)))
+def _with_fixed(robot: Robot, i: int, fixed: Matrix) -> Robot:
+    joints = list(robot.joints)
+    joints[i] = replace(joints[i], fixed=fixed)
+    return replace(robot, joints=tuple(joints))
+
+
+def _of_frame(key: Literal["base", "flange"], file: RobotFile) -> Iterator[FileEntry]:
+    def arm(frame: StatedTransform) -> Robot:
+        return file.model_copy(update={key: frame}).robot()
+
+    names = {"xyz_mm": ("", f" of {key}.xyz_mm"), "rpy_deg": ("turn about ", f" of {key}.rpy_deg")}
+    yield from _of_transform(names, getattr(file, key), arm)
+
+
+def _of_origin(of: str, fixed: Matrix, arm: Callable[[Matrix], Robot]) -> Iterator[FileEntry]:
+    names = {"xyz_mm": ("origin ", of), "rpy_deg": ("origin rotation about ", of)}
+    frame = StatedTransform().of(fixed, _DIGITS)
+    yield from _of_transform(names, frame, lambda moved: arm(moved.matrix()))
+
+
+def _of_transform(
+    names: Mapping[str, tuple[str, str]], frame: StatedTransform, arm: Callable[[StatedTransform], Robot]
+) -> Iterator[FileEntry]:
+    """Its shifts, then its turns about the axes from the left; `names` are before and behind the axis."""
+    for (key, (before, behind)), axes in zip(names.items(), ("xyz", "zyx"), strict=True):
+        for axis in axes:
+            k = "xyz".index(axis)
+
+            def other(value: float, key: str = key, k: int = k) -> Robot:
+                numbers = list(getattr(frame, key))
+                numbers[k] = value
+                return arm(frame.model_copy(update={key: tuple(numbers)}))
+
+            yield FileEntry(f"{before}{axis}{behind}", key == "rpy_deg", getattr(frame, key)[k], other)
+
+
+def revolute(arm: Robot) -> Matrix:
+    """(n,) whether each joint turns."""
+    return np.array([joint.kind == "revolute" for joint in arm.joints])
 
 
 AngleForm = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
@@ -220,9 +189,9 @@ class Counting:
     place_factor: float = 1.0
     angle_factor: float = 1.0
 
-    def joints(self, pose: PendantPose, revolute: Sequence[bool]) -> Matrix:
+    def joints(self, pose: PendantPose, arm: Robot) -> Matrix:
         """(n,) rad or mm, joint 3 from link 2."""
-        turns = np.array(revolute)
+        turns = revolute(arm)
         values = np.array(pose.counted) * np.where(turns, self.joint_factor, 1.0)
         if self.exchanged is not None:
             i, j = self.exchanged
@@ -257,28 +226,47 @@ class Tolerance:
 
     def share(self, computed: Matrix, shown: Matrix) -> float:
         """The larger of both deviations over its tolerance: at most 1 where the poses agree."""
-        apart = scipy.spatial.transform.Rotation.from_matrix(computed[:3, :3].T @ shown[:3, :3])
-        angle = float(apart.magnitude())
         off = float(np.abs(computed[:3, 3] - shown[:3, 3]).max())
-        return max(off / self.position, angle / self.angle)
+        return max(off / self.position, angle_between(computed, shown) / self.angle)
 
 
-def tolerance(chain: Chain, before: Sequence[Matrix], reading: Counting, pose: PendantPose) -> Tolerance:
-    """Of the flange at a posture, at which the poses before each part of the chain are `before`."""
-    turns = np.array(chain.revolute())
+def angle_between(one: Matrix, other: Matrix) -> float:
+    """Of the orientations of two poses (4, 4), rad."""
+    apart = scipy.spatial.transform.Rotation.from_matrix(one[:3, :3].T @ other[:3, :3])
+    return float(apart.magnitude())
+
+
+def poses_along(arm: Robot, joints: Matrix) -> list[Matrix]:
+    """Poses (4, 4) behind each joint at joints (n,), rad or mm, and of the flange. `Robot.fk` is the same,
+    and takes longer for the first posture of an arm than hundreds of changed arms take here."""
+    moved = arm.with_offsets(joints)
+    return list(accumulate((*(joint.fixed for joint in moved.joints), moved.flange), np.matmul))
+
+
+def levers(arm: Robot, poses: Sequence[Matrix]) -> Matrix:
+    """(n,) by how many mm the flange moves for a radian of each joint, 1 for a mm of one that slides; `poses`
+    are those of `poses_along`."""
+    behind = np.array(poses[:-1])
+    axes = [pose[:3, :3] @ joint.axis for joint, pose in zip(arm.joints, behind, strict=True)]
+    moved = np.cross(axes, poses[-1][:3, 3] - behind[:, :3, 3])
+    return np.where(revolute(arm), np.linalg.norm(moved, axis=1), 1.0)
+
+
+def flange_at(arm: Robot, reading: Counting, pose: PendantPose) -> tuple[Matrix, Tolerance]:
+    """The flange's pose (4, 4) of the arm where the pendant shows a pose, and how far it may be off."""
+    poses, turns = poses_along(arm, reading.joints(pose, arm)), revolute(arm)
     digit = pose.joint_digit * reading.joint_factor
     steps = np.where(turns, math.radians(digit), pose.joint_digit)
     if reading.joint3 == "ground":
         steps[2] += steps[1]
-    position = pose.place_digit * reading.place_factor + float(chain.levers(before) @ steps)
-    return Tolerance(position, reading.angle_bound(pose) + float(steps[turns].sum()))
+    position = pose.place_digit * reading.place_factor + float(levers(arm, poses) @ steps)
+    return poses[-1], Tolerance(position, reading.angle_bound(pose) + float(steps[turns].sum()))
 
 
-def agree(chain: Chain, reading: Counting, poses: Sequence[PendantPose], most: float = 1.0) -> bool:
-    """Whether the chain agrees with all poses: no deviation over its tolerance is above `most`."""
+def agree(arm: Robot, reading: Counting, poses: Sequence[PendantPose], most: float = 1.0) -> bool:
+    """Whether the arm agrees with all poses: no deviation over its tolerance is above `most`."""
     for pose in poses:
-        before = chain.before(reading.joints(pose, chain.revolute()))
-        allowed = tolerance(chain, before, reading, pose)
-        if allowed.share(before[-1], reading.pose(pose)) > most:
+        computed, allowed = flange_at(arm, reading, pose)
+        if allowed.share(computed, reading.pose(pose)) > most:
             return False
     return True

@@ -78,7 +78,7 @@ class StatedTransform(FileModel):
             return self
         numbers = [*pose[:3, 3], *np.degrees(angles_of(pose[:3, :3]))]
         x, y, z, roll, pitch, yaw = (_decimal(value, digits) for value in numbers)
-        return StatedTransform(xyz_mm=(x, y, z), rpy_deg=(roll, pitch, yaw))
+        return self.model_copy(update={"xyz_mm": (x, y, z), "rpy_deg": (roll, pitch, yaw)})
 
 
 class StatedJoint(FileModel):

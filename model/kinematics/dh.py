@@ -52,7 +52,8 @@ class DHRow:
 
     def matrix(self, names: Sequence[str | None] = ORDER["standard"]) -> Matrix:
         """(4, 4) of the numbers `names`, in this order."""
-        return reduce(np.matmul, (self._step(name) for name in names if name is not None), np.eye(4))
+        steps = (self._step(name) for name in names if name is not None and getattr(self, name))
+        return reduce(np.matmul, steps, np.eye(4))
 
     def _step(self, name: str) -> Matrix:
         value = getattr(self, name)

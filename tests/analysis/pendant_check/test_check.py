@@ -8,8 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.analysis.pendant_check.pose_check import PendantCheck, _file_changes, chain_of, check_poses
-from zerobeam.analysis.pendant_check.poses import FORM_OF_VENDOR, AngleForm, Counting, PendantPose
+from zerobeam.analysis.pendant_check.pose_check import PendantCheck, _file_changes, check_poses
+from zerobeam.analysis.pendant_check.poses import (
+    FORM_OF_VENDOR,
+    AngleForm,
+    Counting,
+    PendantPose,
+    entries,
+    levers,
+    poses_along,
+)
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import RobotFile, load_robot, stated_rows
@@ -207,7 +215,18 @@ def test_a_tool_that_is_active_is_told_from_a_wrong_file() -> None:
     assert check.frame is None
 
 
-def test_the_chain_of_a_check_is_the_arm(shared_data: Path) -> None:
+def test_lengths_of_a_joint_whose_name_has_a_unit_in_it_are_in_mm() -> None:
+    robot = load_robot("gp7")
+    joints = list(robot.joints)
+    longer = joints[2].fixed + 20.0 * np.eye(4)[:, [0]] * np.eye(4)[3]
+    joints[2] = replace(joints[2], name="j3_deg", fixed=longer)
+    wrong = replace(robot, joints=tuple(joints))
+    check = check_poses(wrong, right_reading(stated_rows("gp7", Path())), shown_poses("gp7"))
+    (said,) = (line for line in check_sentences(check) if "origin x of joint j3_deg" in line)
+    assert said.replace("\u00a0", " ").endswith("is 20 mm; 0 mm ± 0.2 mm agrees.")
+
+
+def test_poses_levers_and_entries_are_those_of_the_arm(shared_data: Path) -> None:
     urdf = UrdfRef(
         urdf=str(shared_data / "mukca" / "urdf" / "panda.urdf"), base="panda_link0", tip="panda_link8"
     )
@@ -216,12 +235,22 @@ def test_the_chain_of_a_check_is_the_arm(shared_data: Path) -> None:
         *((stated_rows(name, Path()), load_robot(name)) for name in ("gp7", "panda")),
         (load_robot(urdf), load_robot(urdf)),
     ):
-        chain = chain_of(source)
         for joints in rng.uniform(-2, 2, (5, robot.n)):
-            np.testing.assert_allclose(chain.pose(joints), robot.fk(joints, "rad"), atol=1e-8)
-            poses = chain.before(joints)
+            poses = poses_along(robot, joints)
+            np.testing.assert_allclose(poses[-1], robot.fk(joints, "rad"), atol=1e-8)
             jacobian = np.linalg.norm(robot.jacobian(joints, "rad")[:3], axis=0)
-            np.testing.assert_allclose(chain.levers(poses), jacobian, atol=1e-6)
+            np.testing.assert_allclose(levers(robot, poses), jacobian, atol=1e-6)
+        assert len({entry.name for entry in entries(source)}) == len(list(entries(source)))
+        for entry in entries(source):
+            same = poses_along(entry.arm(entry.value), joints)[-1]
+            np.testing.assert_allclose(same, poses[-1], atol=1e-8, err_msg=entry.name)
+            other = entry.value + 40.0
+            angle = np.radians(other)
+            courses = (1.0, np.cos(angle), np.sin(angle)) if entry.turns else (1.0, other)
+            parts = entry.parts(lambda arm, at=joints: poses_along(arm, at)[-1])
+            whole = sum(course * part for course, part in zip(courses, parts, strict=True))
+            moved = poses_along(entry.arm(other), joints)[-1]
+            np.testing.assert_allclose(whole, moved, atol=1e-8, err_msg=entry.name)
 
 
 @pytest.mark.long
