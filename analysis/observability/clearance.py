@@ -16,6 +16,9 @@ from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 
 _SAME_POINT = 1e-6
+# Built-in arms have no link shorter than 6 mm. What is shorter is how a calibrated arm deviates: its axes,
+# which nominally meet in a point, miss each other by some tenths.
+_POINT_MM = 3.0
 _DEFAULT_THICKNESS = 0.05  # of the stretched arm
 _BESIDE = 2.0  # radii of the arm about what it carries
 _MOUNT, _NEXT = 0.5, 0.9  # of an instrument's distance from what carries it, and from the body next to that
@@ -68,7 +71,8 @@ class Clearance:
         """
         points = self._standing(joints)
         lengths = _lengths(points)
-        along = np.concatenate([np.zeros((len(joints), 1)), lengths.cumsum(axis=1)], axis=1)
+        parts = np.where(lengths > _POINT_MM, lengths, 0.0)
+        along = np.concatenate([np.zeros((len(joints), 1)), parts.cumsum(axis=1)], axis=1)
         links = _links(lengths)
         result = np.zeros(len(joints), dtype=bool)
         for a, first in enumerate(links):
@@ -177,7 +181,7 @@ class Clearance:
         poses = self._problem.poses(self._problem.parameters.prior_mean, joints)
         offset = self._standing(joints) - poses[:, None, :3, 3]
         local = np.einsum("kpi,kij->kpj", offset, poses[:, :3, :3])
-        return np.asarray(np.ptp(local, axis=0).max(axis=1) < _SAME_POINT * 1e3)
+        return np.asarray(np.ptp(local, axis=0).max(axis=1) < _POINT_MM)
 
     def _standing(self, joints: Matrix) -> Matrix:
         """(N, n + 4, 3): the mounting face below the base frame, the skeleton and the TCP."""
@@ -196,7 +200,7 @@ def _lengths(points: Matrix) -> Matrix:
 
 def _links(lengths: Matrix) -> list[int]:
     """Links that are more than a point in some posture (a prismatic joint may be drawn in at zero)."""
-    return [int(i) for i in np.flatnonzero(lengths.max(axis=0, initial=0.0) > _SAME_POINT)]
+    return [int(i) for i in np.flatnonzero(lengths.max(axis=0, initial=0.0) > _POINT_MM)]
 
 
 def segment_distance(a: Matrix, b: Matrix, c: Matrix, d: Matrix) -> Matrix:

@@ -1,6 +1,7 @@
 """Beams and lines of sight that the arm itself blocks: in checks, plans and runs. Distances by sampling."""
 
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -168,6 +169,31 @@ def test_what_begins_with_the_laser_blocks_only_a_beam_that_comes_back() -> None
         along = origins + np.linspace(0, 600, 1000)[:, None] * directions
         back = directions[0] @ (forearm[0] - forearm[1]) > 0 and to_segment(along, *forearm) < 68
         assert found.blocked[0] == back, fifth
+
+
+def test_an_arm_whose_axes_miss_each_other_by_tenths_is_judged_as_the_nominal_one(tmp_path: Path) -> None:
+    """As an exported robot file of a calibrated arm is: its wrist still carries the laser, and parts that
+    share a joint still do."""
+    from zerobeam.model.parsing.confinement import BUILT_IN
+
+    text = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
+    text = re.sub(r"\b(a_mm|d_mm): 0,", r"\1: 0.3,", text)
+    (tmp_path / "calibrated.yaml").write_text(text, encoding="utf-8")
+    calibrated = load_robot("calibrated.yaml", tmp_path)
+    joints = np.random.default_rng(5).uniform(calibrated.lower, calibrated.upper, (2000, 6))
+
+    def judged(robot: Robot, thickness: float) -> Matrix:
+        problem = Problem.build(header(LASER), robot, joints, ["psd"])
+        clearance = Clearance(problem, Obstacles(thickness_mm=thickness))
+        origins, directions = problem.beams(problem.nominal())
+        found = clearance.in_the_way(joints, origins, origins + 900 * directions, beam=True)
+        return np.array([clearance.hits_itself(joints), found.blocked])
+
+    thin, nominal, thick = (judged(irb1600(), 68.0 * share) for share in (0.97, 1.0, 1.03))
+    clear = (thin == nominal) & (thick == nominal)
+    assert (clear.mean(axis=1) > 0.9).all()
+    assert ((clear & nominal).sum(axis=1) > 10).all()
+    assert (judged(calibrated, 68.0)[clear] == nominal[clear]).all()
 
 
 def test_candidates_are_free_and_those_that_are_not_are_counted() -> None:
