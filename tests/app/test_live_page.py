@@ -10,7 +10,7 @@ from chromium import LAPTOP, Tab, chromium
 from live_controllers import LiveArm, UrStandIn
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.answers.forms import OfferedRig, OfferedRun, run_forms
+from zerobeam.app.server.answers.forms import run_forms
 from zerobeam.experiments.rigs.at_rest import SCHEMES
 from zerobeam.model.files.run import read_run
 
@@ -27,8 +27,7 @@ DOUBT = "(document.querySelector('#hand-doubt')?.textContent ?? '')"
 
 @pytest.mark.parametrize("vendor", [None, "universal-robots", "abb"])
 def test_the_protocols_are_those_of_the_rigs_for_the_arm(vendor: str | None) -> None:
-    rigs = [OfferedRig(name="live", words="Joints read")]
-    forms = run_forms(OfferedRun(rigs=rigs, servo=True, closing=True), vendor)
+    forms = run_forms(["live"], vendor, servo=True, closing=True)
     fit = {name: one for name, one in SCHEMES.items() if vendor is None or one.vendor in (None, vendor)}
     assert {form.name: form.vendor for form in forms} == {name: one.vendor for name, one in fit.items()}
     for form in forms:

@@ -32,7 +32,7 @@ def test_numbers_are_read_as_meant_or_refused(tmp_path: Path) -> None:
     told = paged(
         tmp_path,
         "core/decimal.js",
-        "[input[0].map((one) => m.parsed(one)), input[1].map((one) => m.parsedList(one))]",
+        "[input[0].map((one) => m.parsed(one)), input[1].map((one) => m.numbersOf(one))]",
         [list(texts), list(lists)],
     )
     assert dict(zip(texts, told[0], strict=True)) == texts
@@ -44,7 +44,7 @@ def test_readings_that_could_be_misread_are_not_sent(tmp_path: Path) -> None:
         "1234,5 20 300": [1234.5, 20, 300], "1.5; 2; 3": [1.5, 2, 3], "1.234,5 20 300": None,
         "1,234 20 300": None, "12 20": None, "": None,
     }  # fmt: skip
-    read = "input.map((one) => m.numbersOf({ numbers: 3 }, one))"
+    read = "input.map((one) => m.readingOf({ numbers: 3 }, one))"
     told = paged(tmp_path, "measure/Hand.js", read, list(texts))
     assert dict(zip(texts, told, strict=True)) == texts
 

@@ -5,7 +5,7 @@ import { getFile, put } from "../core/api.js";
 import { answer, change, chosen, file as opened, plan } from "../core/editing.js";
 import { attempt, freeName, inside, ofCalibration, ofKind, refresh, say, versionOf } from "../core/store.js";
 import { route } from "../core/route.js";
-import { Choice, into, NumberField, TextField } from "../parts/Controls.js";
+import { Choice, into, NumberField, TextField, Vector } from "../parts/Controls.js";
 import { problemAt, state, stated } from "./keys.js";
 
 const SIZE = 200; // mm, of a new box
@@ -70,10 +70,9 @@ export function Obstacles() {
             <div class="wide">
               <${TextField} label="Name" value=${box.name}
                 onValue=${(/** @type {string} */ value) => state([...AT, "boxes", i, "name"], value)} /></div>
-            ${/** @type {const} */ ([["min_mm", "lowest"], ["max_mm", "highest"]]).map(([key, word]) =>
-              ["x", "y", "z"].map((axis, k) => html`
-                <${NumberField} key=${key + axis} label=${`${word} ${axis}`} unit="mm" value=${box[key][k]}
-                  onValue=${(/** @type {number} */ value) => state([...AT, "boxes", i, key, k], value)} />`))}
+            ${/** @type {const} */ ([["min_mm", "lowest"], ["max_mm", "highest"]]).map(([key, word]) => html`
+              <${Vector} key=${key} label=${word} unit="mm" values=${box[key]}
+                onValue=${(/** @type {number[]} */ next) => state([...AT, "boxes", i, key], next)} />`)}
           </div>
           <button type="button" onClick=${() => drop(i)}>Remove</button>
         </fieldset>`)}

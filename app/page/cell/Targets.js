@@ -2,7 +2,7 @@
 import { html } from "htm/preact";
 import { answer, plan } from "../core/editing.js";
 import { moveTarget } from "../plan/picture.js";
-import { NumberField } from "../parts/Controls.js";
+import { Vector } from "../parts/Controls.js";
 import { problemAt } from "./keys.js";
 
 export function Targets() {
@@ -20,12 +20,8 @@ export function Targets() {
             ${guess ? "nominal place, as stated"
               : "nominal place, taken from the postures; the plan states none"}</span></legend>
         <div class="fields">
-          ${["x", "y", "z"].map((axis, i) => html`
-            <${NumberField} key=${axis} label=${axis} unit="mm" digits=${3} value=${at[i]}
-              error=${i === 0 ? problemAt(["targets", name]) : ""}
-              onValue=${(/** @type {number} */ value) =>
-                moveTarget(name,
-                  at.map((/** @type {number} */ one, /** @type {number} */ k) => (k === i ? value : one)))} />`)}</div>
+          <${Vector} unit="mm" digits=${3} values=${at} error=${problemAt(["targets", name])}
+            onValue=${(/** @type {number[]} */ next) => moveTarget(name, next)} /></div>
       </fieldset>`;
   })}`;
 }

@@ -15,15 +15,18 @@ export function parsed(text) {
   return Number.isFinite(value) ? value : null;
 }
 
+export const LIST = "numbers separated by spaces or semicolons, such as 0.5 1 2 or 0,5; 1; 2";
+
 /**
- * The numbers of a list: separated by spaces or semicolons, or by commas where these are followed by a space or the
- *   numbers have points or none.
- * @param {string} text
+ * The numbers of a list; null where they could be read in two ways: 1,5 is one number for some and two for others.
+ * @param {string} text @returns {number[] | null}
  */
-export function parsedList(text) {
-  const parts = /[;\s]/.test(text.trim()) ? text.trim().split(/(?:\s*;\s*|,\s+|\s+)/) : text.trim().split(",");
-  const values = parts.filter((part) => part !== "").map(parsed);
-  return values.some((value) => value === null) ? null : /** @type {number[]} */ (values);
+export function numbersOf(text) {
+  const plain = text.trim(), commas = plain.split(",").length - 1;
+  const parts = /;/.test(plain) ? plain.split(/\s*;\s*/) : /\s/.test(plain) ? plain.split(/,?\s+/)
+    : commas > 1 ? plain.split(",") : commas === 1 ? [] : [plain];
+  const values = parts.filter(Boolean).map(parsed);
+  return values.length === 0 || values.includes(null) ? null : /** @type {number[]} */ (values);
 }
 
 /** As a field shows it. @param {number} value @param {number} [digits] */

@@ -7,7 +7,7 @@ import { well } from "../core/jobs.js";
 import { goOn, route, toImport, toJob } from "../core/route.js";
 import { attempt, home } from "../core/store.js";
 import { counted } from "../core/words.js";
-import { into, heard } from "../parts/Controls.js";
+import { Choice, heard, into } from "../parts/Controls.js";
 import { useCommand } from "../parts/JobProgress.js";
 import { Drafts } from "./Drafts.js";
 
@@ -78,11 +78,7 @@ export function Home() {
         <label class="grow"><span class="label">Search</span>
           <input type="search" value=${search.value} placeholder="name, arm, serial number, verdict"
             onInput=${heard((text) => { search.value = text; keepSearch(); })} /></label>
-        <label><span class="label">Sorted by</span>
-          <select value=${order.value} onChange=${heard(into(order))}>
-            ${Object.keys(ORDERS)
-              .map((one) => html`
-                <option value=${one} selected=${one === order.value}>${one}</option>`)}</select></label>
+        <${Choice} label="Sorted by" value=${order.value} items=${Object.keys(ORDERS)} onValue=${into(order)} />
       </div>
       <p class="muted" role="status">
         ${rows.length === total ? counted(total, "calibration")

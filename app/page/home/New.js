@@ -6,10 +6,10 @@ import { useSignal } from "@preact/signals";
 import { get, latest, post, Refused } from "../core/api.js";
 import { well } from "../core/jobs.js";
 import { goOn, route, toJob } from "../core/route.js";
-import { failed, home, ofKind, refresh, robots } from "../core/store.js";
+import { failed, freeName, ofKind, refresh, robots } from "../core/store.js";
 import { MOUNTED, mountedWords } from "../core/mounting.js";
 import { fixed, sentence } from "../core/words.js";
-import { Choice, into, NumberField, TextField } from "../parts/Controls.js";
+import { Cards, Choice, into, NumberField, TextField, Vector } from "../parts/Controls.js";
 import { Fold } from "../parts/Fold.js";
 import { Form, Submit } from "../parts/Form.js";
 import { useCommand } from "../parts/JobProgress.js";
@@ -67,12 +67,11 @@ export function New() {
   useEffect(() => { proposal.value = null; mounted.value = {}; propose(); }, [robot.value, instrument.value]);
   if (choices.value === null) return html`<p class="muted">…</p>`;
   const { instruments, places } = choices.value;
-  const taken = new Set(home.value?.calibrations.map((one) => one.name));
-  const stem = robot.value.replace(/^.*\//, "").replace(/\.\w+$/, "") || "calibration";
-  let proposed = stem;
-  for (let k = 2; taken.has(proposed); k++) proposed = `${stem}-${k}`;
-  const at_mm = (/** @type {string} */ kind) =>
-    proposal.value?.places.find((one) => one.kind === kind)?.at_mm.map((v) => fixed(v, 0)).join(", ");
+  const proposed = freeName(robot.value.replace(/^.*\//, "").replace(/\.\w+$/, "") || "calibration");
+  const at_mm = (/** @type {string} */ kind) => {
+    const at = proposal.value?.places.find((one) => one.kind === kind)?.at_mm;
+    return at && `x, y, z = ${at.map((v) => fixed(v, 0)).join(", ")} mm in the base frame`;
+  };
   const assumed = proposal.value?.mounted ?? {}, mounting = Object.entries({ ...assumed, ...mounted.value });
   const entries = () => ({
     name: name.value.trim() || proposed, robot: robot.value, instrument: instrument.value,
@@ -116,38 +115,24 @@ export function New() {
           what is expected.</p>
       </fieldset>
       <fieldset class="cards"><legend><b>2</b> Which instrument?</legend>
-        ${instruments.map((one) => html`
-          <label class="option" key=${one.name}>
-            <input type="radio" name="instrument" value=${one.name} checked=${one.name === instrument.value}
-              onChange=${() => { instrument.value = one.name; }} /> <b>${one.words}</b>
-            <span>${one.about}</span></label>`)}
+        <${Cards} name="instrument" value=${instrument.value} onValue=${into(instrument)}
+          items=${instruments.map((one) => ({ value: one.name, title: one.words, about: one.about }))} />
       </fieldset>
       <fieldset class="cards"><legend><b>3</b> Where is the target?</legend>
-        ${places.map((one) => html`
-          <label class="option" key=${one.kind}>
-            <input type="radio" name="place" value=${one.kind} checked=${one.kind === place.value}
-              onChange=${() => { place.value = one.kind; }} /> <b>${one.words}</b>
-            ${at_mm(one.kind) && html`<span>x, y, z = ${at_mm(one.kind)} mm in the base frame</span>`}</label>`)}
+        <${Cards} name="place" value=${place.value} onValue=${into(place)}
+          items=${places.map((one) => ({ value: one.kind, title: one.words, about: at_mm(one.kind) }))} />
         ${place.value === "point" && html`
           <div class="fields">
-            ${["x", "y", "z"].map((axis, i) => html`
-              <${NumberField} label=${`Target ${axis}`} unit="mm" value=${point.value[i]}
-                onValue=${(/** @type {number} */ value) => {
-                  point.value = point.value.map((one, k) => (k === i ? value : one));
-                }} />`)}</div>`}
+            <${Vector} label="Target" unit="mm" values=${point.value} onValue=${into(point)} /></div>`}
       </fieldset>
       ${mounting.length > 0 && html`
         <p>${Object.keys(mounted.value).length ? "On the flange"
           : "Assumed on the flange"}: ${mountedWords(Object.fromEntries(mounting))},
           in the flange frame. The plan depends on it.</p>
         <${Fold} key=${`${robot.value} ${instrument.value}`} title="Mounted otherwise" kept><div class="fields">
-          ${mounting.map(([key, values]) =>
-            ["x", "y", "z"].map((axis, i) => html`
-              <${NumberField} key=${key + axis} label=${`${MOUNTED[key]?.[0] ?? key} ${axis}`}
-                unit=${MOUNTED[key]?.[1] ?? ""} value=${values[i]}
-                onValue=${(/** @type {number} */ value) => {
-                  mounted.value = { ...mounted.value, [key]: values.map((one, k) => (k === i ? value : one)) };
-                }} />`))}
+          ${mounting.map(([key, values]) => html`
+            <${Vector} key=${key} label=${MOUNTED[key]?.[0] ?? key} unit=${MOUNTED[key]?.[1] ?? ""} values=${values}
+              onValue=${(/** @type {number[]} */ next) => { mounted.value = { ...mounted.value, [key]: next }; }} />`)}
         </div><//>`}
       <${Fold} title="Name, serial number, number of measurements" kept>
         <div class="fields">

@@ -1,7 +1,7 @@
 // The recordings of an import: sent to the folder or chosen there, what each is, and the calibration that they become.
 import { computed, signal } from "@preact/signals";
 import { post, Refused, upload } from "../core/api.js";
-import { files, freeName, home, inside, refresh, say } from "../core/store.js";
+import { files, freeName, inside, refresh, say } from "../core/store.js";
 
 /** @typedef {import("answers").RecordingAnswer} Found */
 /**
@@ -32,11 +32,7 @@ export const proposed = computed(() => {
   const first = rows.value[0]?.path ?? "";
   const stem = first.replace(/^.*\//, "").replace(/\.[^.]*$/, "").replace(/[\\/]/g, "-").replace(/^\.+/, "")
     || "recording";
-  const taken = new Set([...(home.value?.calibrations ?? []).map((one) => one.name),
-    ...files.value.map((file) => file.path.split("/")[0])]);
-  let free = stem;
-  for (let k = 2; taken.has(free); k++) free = `${stem}-${k}`;
-  return free;
+  return freeName(stem);
 });
 
 /** The folder that the run is written to. */

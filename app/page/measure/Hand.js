@@ -3,7 +3,7 @@
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
-import { ALLOWED, parsed, parsedList } from "../core/decimal.js";
+import { ALLOWED, numbersOf, parsed } from "../core/decimal.js";
 import { attempt, say } from "../core/store.js";
 import { capital, unitSign } from "../core/words.js";
 import { answer, run } from "./running.js";
@@ -15,8 +15,8 @@ const PATIENCE_MS = 2000; // until values that bring no answer count as too few
  * The numbers of a reading; null where it is not so many, or could be misread.
  * @param {import("answers").EnteredReading} read @param {string} text
  */
-export function numbersOf(read, text) {
-  const numbers = read.numbers === 1 ? [parsed(text)] : parsedList(text);
+export function readingOf(read, text) {
+  const numbers = read.numbers === 1 ? [parsed(text)] : numbersOf(text);
   return numbers?.length === read.numbers && !numbers.includes(null) ? numbers : null;
 }
 
@@ -54,12 +54,12 @@ export function Hand({ asked, reading, doubt, suspect, live }) {
   const record = () => {
     const typed = reads.filter((read) => texts.value[read.key]?.trim());
     const wrong = (reading !== null || typed.length ? reads : []).find((read) =>
-      numbersOf(read, texts.value[read.key] ?? "") === null);
+      readingOf(read, texts.value[read.key] ?? "") === null);
     const several = `allowed are ${wrong?.numbers} numbers such as 1234.5 or 1234,5, with spaces between them`;
     const allowed = wrong?.numbers === 1 ? `allowed is ${ALLOWED}` : several;
     problem.value = wrong ? `${capital(wrong.words)}: ${allowed}.` : "";
     if (wrong) return;
-    const numbers = typed.flatMap((read) => numbersOf(read, texts.value[read.key])).join(" ");
+    const numbers = typed.flatMap((read) => readingOf(read, texts.value[read.key])).join(" ");
     send(reading !== null ? numbers : text.value.trim() && numbers ? `${text.value.trim()} | ${numbers}` : text.value);
   };
   const enter = (/** @type {KeyboardEvent} */ event) => {

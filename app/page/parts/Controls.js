@@ -131,6 +131,27 @@ export function NumberField({ label, value, unit = "", onValue, optional = false
 }
 
 /**
+ * The three numbers of a place or direction.
+ * @param {{label?: string, unit: string, values: (number | null)[], error?: string, digits?: number,
+ *   onValue: (values: number[]) => void}} props
+ */
+export const Vector = ({ label = "", values, error = "", onValue, ...others }) => ["x", "y", "z"].map((axis, i) => html`
+  <${NumberField} key=${label + axis} ...${others} label=${`${label} ${axis}`.trim()} value=${values[i]}
+    error=${i === 0 ? error : ""}
+    onValue=${(/** @type {number} */ value) => onValue(/** @type {number[]} */ (values.with(i, value)))} />`);
+
+/**
+ * Cards to choose one of.
+ * @param {{name: string, items: {value: string, title: string, about?: string}[], value: string,
+ *   onValue: (value: string) => void}} props
+ */
+export const Cards = ({ name, items, value, onValue }) => items.map((one) => html`
+  <label class="option" key=${one.value}>
+    <input type="radio" name=${name} value=${one.value} checked=${one.value === value}
+      onChange=${() => onValue(one.value)} /> <b>${one.title}</b>
+    ${one.about && html`<span>${one.about}</span>`}</label>`);
+
+/**
  * How the pendant counts joint 3: `usual` is what the robot file states.
  * @param {{value: string, onValue: (value: string) => void, usual?: string}} props
  */

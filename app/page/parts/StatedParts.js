@@ -2,10 +2,9 @@
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
-import { ALLOWED, parsed } from "../core/decimal.js";
+import { ALLOWED, LIST, numbersOf, parsed } from "../core/decimal.js";
 import { Check, heard } from "./Controls.js";
-import { alternativeOf, itemOf, keyOf, kindWords, LIST, numbersOf, partOf, resolved, shapeOf, title,
-  unitOf } from "./schema.js";
+import { alternativeOf, itemOf, keyOf, kindWords, partOf, resolved, shapeOf, title, unitOf } from "./schema.js";
 
 /** @typedef {import("./schema.js").Schema} Schema */
 /** @typedef {import("./schema.js").Path} Path */

@@ -1,5 +1,4 @@
 // A JSON Schema as a form reads it: what a key is, what is missing, and where an error belongs.
-import { parsed } from "../core/decimal.js";
 import { capital } from "../core/words.js";
 
 /**
@@ -101,17 +100,3 @@ export const title = (key) => capital(key.replace(/_(mm|deg|kg)$/, "").replaceAl
 const UNITS = { mm: "mm", deg: "°", kg: "kg" };
 /** @param {string} key */
 export const unitOf = (key) => UNITS[key.match(/(?:^|_)(mm|deg|kg)$/)?.[1] ?? ""] ?? "";
-
-export const LIST = "numbers separated by spaces or semicolons, such as 0.5 1 2 or 0,5; 1; 2";
-
-/**
- * The numbers of a list; null where they could be read in two ways: 1,5 is one number for some and two for others.
- * @param {string} text @returns {number[] | null}
- */
-export function numbersOf(text) {
-  const plain = text.trim(), commas = plain.split(",").length - 1;
-  const parts = /;/.test(plain) ? plain.split(/\s*;\s*/) : /\s/.test(plain) ? plain.split(/,?\s+/)
-    : commas > 1 ? plain.split(",") : commas === 1 ? [] : [plain];
-  const values = parts.filter(Boolean).map(parsed);
-  return values.length === 0 || values.includes(null) ? null : /** @type {number[]} */ (values);
-}

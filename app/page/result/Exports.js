@@ -6,19 +6,12 @@ import { calibration, freeName, typedIn } from "../core/store.js";
 import { Fields, useForms, wordsOf } from "../parts/Fields.js";
 import { Fold } from "../parts/Fold.js";
 import { Form } from "../parts/Form.js";
-import { into, TextField } from "../parts/Controls.js";
+import { Cards, into, TextField } from "../parts/Controls.js";
 import { useWritten, Written } from "../parts/Written.js";
 
 /** @typedef {import("answers").CommandForm} CommandForm */
 
 const typed = typedIn();
-
-/** Forms to choose one of. @param {{list: CommandForm[], chosen: CommandForm, onForm: (name: string) => void}} props */
-const Formats = ({ list, chosen, onForm }) => list.map((one) => html`
-  <label class="option" key=${one.name}>
-    <input type="radio" name="format" value=${one.name} checked=${one === chosen} onChange=${() => onForm(one.name)} />
-    <b>${one.name}</b><span>${one.about}</span>
-  </label>`);
 
 /** @param {{run: string}} props */
 export function Exports({ run }) {
@@ -34,15 +27,18 @@ export function Exports({ run }) {
   const to = file.value.trim() || proposed;
   const write = () =>
     carryOut([...chosen.command, run, `--out=${to}`, ...wordsOf(chosen.fields, typed.value)], [to]);
+  const cards = (/** @type {CommandForm[]} */ list) => html`
+    <${Cards} name="format" value=${chosen.name} onValue=${onForm}
+      items=${list.map((one) => ({ value: one.name, title: one.name, about: one.about }))} />`;
   const onForm = (/** @type {string} */ name) => { form.value = name; typed.clear(); made.value = null; };
   return html`
     <${Form} class="exports" onSubmit=${write}>
       <fieldset class="cards">
         <legend class="label">${ofMaker.length ? `For ${ofMaker[0].maker}` : "For every arm"}</legend>
-        <${Formats} list=${first} chosen=${chosen} onForm=${onForm} /></fieldset>
+        ${cards(first)}</fieldset>
       <${Fold} title="Other formats" open=${others.includes(chosen)}>
         <fieldset class="cards"><legend class="unseen">Other formats</legend>
-          <${Formats} list=${others} chosen=${chosen} onForm=${onForm} /></fieldset><//>
+          ${cards(others)}</fieldset><//>
       <${Fields} key=${chosen.name} fields=${chosen.fields} values=${typed.value} onValue=${typed.set}>
         <div class="wide">
           <${TextField} label="New file" value=${file.value} placeholder=${proposed} onValue=${into(file)} /></div><//>

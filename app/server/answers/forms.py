@@ -6,9 +6,9 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cache
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from ....experiments.command_options import BackupOptions, ExportOptions, HistoryPageOptions, ProgramMotion
 from ....experiments.makers.known_logs import read_log
@@ -25,40 +25,13 @@ from ..index import Folder
 from ..requests import end_point
 
 RigKind = Literal["simulated", "manual", "live", "abb"]
-_RIGS: dict[RigKind, str] = {
-    "simulated": "Simulation",
-    "manual": "By hand",
-    "live": "By hand, joints read from the controller",
-    "abb": "ABB robot",
+# What carries a plan out, and the words of its button.
+_RIGS: Mapping[RigKind, tuple[str, str]] = {
+    "simulated": ("Simulation", "Start the simulation"),
+    "manual": ("By hand", "Start"),
+    "live": ("By hand, joints read from the controller", "Start: connects to the controller"),
+    "abb": ("ABB robot", "Start: asks before the robot moves"),
 }
-
-
-@record(kw_only=True)
-class OfferedRig:
-    """A rig that can carry a plan out."""
-
-    name: RigKind
-    words: str
-
-
-@record(kw_only=True)
-class OfferedRun:
-    """How a plan can be carried out."""
-
-    rigs: list[OfferedRig]
-    servo: Annotated[bool, it("a beam is led onto its target: with cell, camera, adaptive order")]
-    closing: Annotated[bool, it("the first posture can be measured again at the end")]
-
-
-def offered_run(plan: Plan, vendor: str | None) -> OfferedRun:
-    """What can carry the plan out for a robot of this vendor (None: not stated)."""
-    beam = plan.header.only_beam
-    abb = beam and vendor in (None, "abb") and plan.robot.conventions.joint3 != "ground"
-    return OfferedRun(
-        rigs=[OfferedRig(name=name, words=words) for name, words in _RIGS.items() if abb or name != "abb"],
-        servo=beam,
-        closing=plan.header.only_tools,
-    )
 
 
 Source = Callable[..., object]
@@ -91,14 +64,18 @@ class FormField:
     unit: Annotated[str | None, it("of the number, or of the parts")] = None
     least: float | None = None
     most: float | None = None
-    parts: Annotated[list[str], it("names of the numbers of which the value is made; empty: one value")]
-    choices: Annotated[list[FieldChoice], it("empty: any text")]
+    parts: Annotated[list[str], it("names of the numbers of which the value is made; empty: one value")] = (
+        field(default_factory=list)
+    )
+    choices: Annotated[list[FieldChoice], it("empty: any text")] = field(default_factory=list)
     among: Annotated[str | None, it("what the value is one of: a kind of file, columns of the table")] = None
     off: Annotated[str | None, it("of a box that is ticked at first: what states that it is not")] = None
     required: bool
-    default: str | None
-    needs: Annotated[list[str], it("other options, FLAG or FLAG=WORD,…, without which it is not stated")]
-    rare: Annotated[bool, it("whether it is folded at first")]
+    default: str | None = None
+    needs: Annotated[list[str], it("other options, FLAG or FLAG=WORD,…, without which it is not stated")] = (
+        field(default_factory=list)
+    )
+    rare: Annotated[bool, it("whether it is folded at first")] = False
     before: Annotated[str, it("what stands before what is typed")] = ""
 
 
@@ -109,12 +86,14 @@ class CommandForm:
     command: list[str]
     name: str
     label: str
-    about: str
+    about: str = ""
     maker: str | None = None
     vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")] = (
         None
     )
-    files: Annotated[list[str], it("usual names of what it writes, or endings of what it reads")]
+    files: Annotated[list[str], it("usual names of what it writes, or endings of what it reads")] = field(
+        default_factory=list
+    )
     fields: list[FormField]
 
 
@@ -123,7 +102,7 @@ class RigForm(CommandForm):
     """What can carry a plan out, and the words of its button."""
 
     begins: str
-    kind: Literal["simulated", "manual", "live", "abb"]
+    kind: RigKind
 
 
 def form_of(
@@ -179,27 +158,34 @@ def _field(one: OptionField) -> FormField:
     )
 
 
+def _form(
+    command: str, label: str, files: Sequence[str], fields: list[FormField], **more: Any
+) -> CommandForm:
+    words = command.split()
+    name = " ".join(words[1:])
+    return CommandForm(
+        **{"command": words, "name": name, "label": label, "files": list(files), "fields": fields, **more}
+    )
+
+
 def _plans() -> Iterator[CommandForm]:
-    labels = {"optimal": "optimal", "x": "X-Pattern", "y": "Y-Pattern"}
-    for name, label in labels.items():
+    for name, label in {"optimal": "optimal", "x": "X-Pattern", "y": "Y-Pattern"}.items():
         fields = form_of(PlanOptions, without=("header_file",), word=name)
-        yield CommandForm(
-            command=["plan", name], name=name, label=label, about="", files=["plan.yaml"], fields=fields
-        )
+        yield _form(f"plan {name}", label, ["plan.yaml"], fields)
 
 
 def _exports() -> Iterator[CommandForm]:
     for maker in sorted(makers(), key=lambda maker: maker.vendor is not None):
         for kind in maker.offsets:
-            yield CommandForm(
-                command=["export", kind.name],
-                name=kind.name,
-                label=kind.name,
-                about=inspect.getdoc(kind.text) or kind.name,
+            about, fields = inspect.getdoc(kind.text) or kind.name, form_of(kind.text, ExportOptions)
+            yield _form(
+                f"export {kind.name}",
+                kind.name,
+                [f"offsets.{kind.ending}"],
+                fields,
+                about=about,
                 maker=maker.name,
                 vendor=maker.vendor,
-                files=[f"offsets.{kind.ending}"],
-                fields=form_of(kind.text, ExportOptions),
             )
 
 
@@ -207,15 +193,8 @@ def _programs() -> Iterator[CommandForm]:
     sheet = ("pdf", "sheet for the person at the robot (PDF)", ("plan.pdf",), ("j3",), None)
     programs = ((one.name, one.label, one.files, one.options, vendor) for one, vendor in plan_programs())
     for name, label, files, options, vendor in (sheet, *programs):
-        yield CommandForm(
-            command=["export", "plan", name],
-            name=name,
-            label=label,
-            about="",
-            vendor=vendor,
-            files=list(files),
-            fields=form_of(ProgramMotion, only=options),
-        )
+        fields = form_of(ProgramMotion, only=options)
+        yield _form(f"export plan {name}", label, files, fields, name=name, vendor=vendor)
 
 
 # What is mapped beside the columns of a table.
@@ -226,53 +205,25 @@ def _imports() -> Iterator[CommandForm]:
     ordered = sorted(makers(), key=lambda maker: maker.vendor is not None)
     readers = [(maker, reader) for maker in ordered for reader in maker.read if not reader.hidden]
     for maker, reader in readers:
-        yield CommandForm(
-            command=["import", reader.name],
-            name=reader.name,
-            label=_sentence(reader.read, reader.name),
-            about=" ".join((inspect.getdoc(reader.read) or reader.name).split()),
-            maker=maker.name,
-            files=[reader.files],
-            fields=form_of(reader.read, without=_MAPPED if reader.name == "csv" else ()),
-        )
+        about = " ".join((inspect.getdoc(reader.read) or reader.name).split())
+        sentence = re.sub(r"\.(\s.*)?$", "", about)  # the first
+        fields = form_of(reader.read, without=_MAPPED if reader.name == "csv" else ())
+        yield _form(f"import {reader.name}", sentence, [reader.files], fields, about=about, maker=maker.name)
     for maker in ordered:
         for log in maker.logs:
-            yield CommandForm(
-                command=["import", "log", log.name],
-                name=f"log {log.name}",
-                label=f"{log.about}: a log over time, of which a measurement is where the arm dwells",
-                about=f"{log.about}: a log over time, of which a measurement is where the arm dwells.",
-                maker=maker.name,
-                files=["Logs as CSV files."],
-                fields=form_of(read_log),
-            )
-
-
-def _sentence(read: Source, name: str) -> str:
-    """The first sentence of what a reader is."""
-    return re.sub(r"\.(\s.*)?$", "", " ".join((inspect.getdoc(read) or name).split()))
+            label = f"{log.about}: a log over time, of which a measurement is where the arm dwells"
+            more = {"about": f"{label}.", "maker": maker.name}
+            yield _form(f"import log {log.name}", label, ["Logs as CSV files."], form_of(read_log), **more)
 
 
 def _positions() -> Iterator[CommandForm]:
-    yield CommandForm(
-        command=["positions", "keep"],
-        name="keep",
-        label="Convert the positions",
-        about="",
-        files=[ending for language in LANGUAGES for ending in language.endings],
-        fields=form_of(BackupOptions),
-    )
+    endings = [ending for language in LANGUAGES for ending in language.endings]
+    yield _form("positions keep", "Convert the positions", endings, form_of(BackupOptions))
 
 
 def _histories() -> Iterator[CommandForm]:
-    yield CommandForm(
-        command=["history", "report"],
-        name="report",
-        label="Make the pages",
-        about="",
-        files=["arm.html", "fleet.html"],
-        fields=form_of(HistoryPageOptions, without=("db",)),
-    )
+    fields = form_of(HistoryPageOptions, without=("db",))
+    yield _form("history report", "Make the pages", ["arm.html", "fleet.html"], fields)
 
 
 _FORMS: Mapping[str, Callable[[], Iterator[CommandForm]]] = {
@@ -300,36 +251,31 @@ def _made(of: str) -> list[CommandForm]:
     return list(_FORMS[of]())
 
 
-_BEGINS = {
-    "simulated": "Start the simulation",
-    "manual": "Start",
-    "live": "Start: connects to the controller",
-    "abb": "Start: asks before the robot moves",
-}
 _SERVO = ("cell", "camera", "adaptive", "tolerance", "gain", "repeat")  # what only a led beam has
 
 
-def run_forms(offered: OfferedRun, vendor: str | None) -> list[RigForm]:
-    """What can carry a plan out for a robot of this vendor: of live joints a form for each protocol."""
-    without = {"rig", "resume"} | (set() if offered.servo else {*_SERVO})
-    without |= set() if offered.closing else {"closing"}
+def offered_rigs(plan: Plan, vendor: str | None) -> list[RigForm]:
+    """What can carry the plan out for a robot of this vendor (None: not stated)."""
+    beam = plan.header.only_beam
+    abb = beam and vendor in (None, "abb") and plan.robot.conventions.joint3 != "ground"
+    kinds = [kind for kind in _RIGS if abb or kind != "abb"]
+    return run_forms(kinds, vendor, servo=beam, closing=plan.header.only_tools)
+
+
+def run_forms(kinds: Sequence[RigKind], vendor: str | None, *, servo: bool, closing: bool) -> list[RigForm]:
+    """The forms of rigs, of live joints one for each protocol. `servo`: a beam is led onto its target, with
+    cell, camera and adaptive order; `closing`: the first posture can be measured again at the end."""
+    without = {"rig", "resume"} | (set() if servo else {*_SERVO}) | (set() if closing else {"closing"})
     rigs = list[RigForm]()
-    for rig in offered.rigs:
+    for kind in kinds:
         about = form_of(RunOptions, without=without)
-        fields = [replace(one, needs=_left(one.needs)) for one in about if _is_for(one, rig.name)]
+        fields = [replace(one, needs=_left(one.needs)) for one in about if _is_for(one, kind)]
         flags = {one.flag for one in fields}
         fields = [one for one in fields if all(need.split("=")[0] in flags for need in one.needs)]
-        form = RigForm(
-            command=["run", f"--rig={rig.name}"],
-            name=rig.name,
-            label=rig.words,
-            about="",
-            files=[],
-            fields=fields,
-            begins=_BEGINS[rig.name],
-            kind=rig.name,
-        )
-        rigs += _live_forms(form, vendor) if rig.name == "live" else [form]
+        label, begins = _RIGS[kind]
+        command = ["run", f"--rig={kind}"]
+        form = RigForm(command=command, name=kind, label=label, fields=fields, begins=begins, kind=kind)
+        rigs += _live_forms(form, vendor) if kind == "live" else [form]
     return rigs
 
 
@@ -357,12 +303,7 @@ def _live_forms(form: RigForm, vendor: str | None) -> Iterator[RigForm]:
             label="Controller’s address",
             help=f"host, or host:port (usual: {scheme.port}){behind if scheme.options else ''}",
             kind="text",
-            parts=[],
-            choices=[],
             required=True,
-            default=None,
-            needs=[],
-            rare=False,
             before=f"{name}://",
         )
         yield replace(

@@ -37,7 +37,7 @@ from ..index import Folder, yaml_path
 from ..requests import NOWHERE, Content, Precondition, end_point, keyed, noted
 from ..versions import VersionOfFile, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
-from .forms import RigForm, offered_run, run_forms
+from .forms import RigForm, offered_rigs
 from .robot_library import DrawnArm, arm_of, placed, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
@@ -181,7 +181,7 @@ def plan_file(folder: Folder, file: str) -> ReadPlan:
         plan=document.data,
         targets=list(read.called),
         robot=arm_of(arm),
-        rigs=run_forms(offered_run(read, arm.vendor), arm.vendor),
+        rigs=offered_rigs(read, arm.vendor),
         notes=[*notes, *read.warnings],
     )
 
