@@ -150,14 +150,22 @@ def beside_first_axis(robot: Robot, points: Matrix) -> Matrix:
 
 
 def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
-    """(a, a) of offsets and geometry, rad or mm, from that of the scaled free parameters (f, f); 0 of what is
-    held."""
+    """(a, a) of offsets and geometry, rad or mm, from that of the scaled free parameters (f, f); of the last
+    link, where a free tool takes it up, its tolerances; 0 of what else is held."""
     parameters = problem.parameters
     estimated = np.flatnonzero(parameters.free & (np.arange(len(parameters)) < parameters.arm.stop))
     at, std = parameters.among_free[estimated], parameters.prior_std[estimated]
-    result = np.zeros((parameters.arm.stop, parameters.arm.stop))
+    result = np.diag(unmeasured_link(problem) ** 2)
     result[np.ix_(estimated, estimated)] = covariance[np.ix_(at, at)] * np.outer(std, std)
     return result
+
+
+def unmeasured_link(problem: Problem) -> Matrix:
+    """(a,) the tolerances, rad or mm, of what of the last link no measurement can tell from a free tool; 0 of
+    all else. It moves the TCP as every link does, and the controller has it as nominal."""
+    parameters = problem.parameters
+    taken_up = [item.held_by == "free tool" for item in parameters.items[parameters.arm]]
+    return np.where(taken_up, parameters.prior_std[parameters.arm], 0.0)
 
 
 def arms_at_random(covariance: Matrix, dof: float | None = None) -> Matrix:

@@ -245,7 +245,7 @@ def tcp_words(accuracy: TcpAccuracy, name: Namer = str, tool: str = "the tool") 
         case "stated point":
             return "a point stated by the user"
         case "tool":
-            return f"the stated point of {tool}"
+            return f"the stated point of {tool}" if any(accuracy.point_mm) else "the origin of the flange"
         case "last axis":
             n = accuracy.joints
             return (

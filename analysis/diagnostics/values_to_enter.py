@@ -47,6 +47,7 @@ from ..tcp_region import (
     region_postures,
     tool_point,
     undetermined_offsets,
+    unmeasured_link,
 )
 
 _POSTURES = 256  # of the region
@@ -290,7 +291,8 @@ class _Fitted:
             arm[places] += inverse @ (columns.T @ left.reshape(-1))
         self.arm, self.offsets[at] = arm, arm[places]
         by_arm = (by_arm * roots[:, None, None]).reshape(-1, len(arm))
-        by_arm[:, out] = 0.0
+        # A shift of the flange that was not measured is none to make up for by a joint.
+        by_arm[:, [*out, *np.flatnonzero(unmeasured_link(problem))]] = 0.0
         by_mean = inverse @ (columns.T @ by_arm)
         # What moves no point stays as estimated, and as uncertain.
         by_mean[:, places] += np.eye(len(places)) - inverse @ (columns.T @ columns)

@@ -28,6 +28,7 @@ from ..tcp_region import (
     normal_inverse,
     region_postures,
     tool_point,
+    unmeasured_link,
 )
 from .aim import aim, servo_joints
 
@@ -264,7 +265,7 @@ class TcpForecast:
         entered[free] = determined[: int(free.sum())]
         if (self._moving & ~entered).any():
             return None, None
-        by_noise = estimates.errors @ self._by_arm.T
+        by_noise = estimates.errors @ self._by_arm.T + self._unmeasured
         tcp = _length_quantiles(by_noise + estimates.estimates @ self._not_entered(entered).T)
         if not self._problem.geometry:
             return tcp, None
@@ -275,6 +276,19 @@ class TcpForecast:
         """(f, f) mm² of scaled free parameters: e' E e is the mean squared error of the TCP over the
         region."""
         return np.asarray(self._by_arm.T @ self._by_arm / len(self._joints))
+
+    @cached_property
+    def _unmeasured(self) -> Matrix:
+        """(D, 3 P) mm by which the TCPs of arms at random are off for the last link, where a free tool takes
+        it up; (1, 1) of nothing where none does."""
+        std = unmeasured_link(self._problem)
+        moving = np.flatnonzero(std)
+        if not len(moving):
+            return np.zeros((1, 1))
+        _, jacobian = tool_point(self._problem, self._x, self._point, self._joints)
+        columns = (jacobian[:, :, moving] * std[moving]).reshape(-1, len(moving))
+        drawn = arms_at_random(np.eye(len(moving)))
+        return np.asarray(drawn @ columns.T)
 
     def places(self, joints: Matrix) -> Matrix:
         """(P, 3) mm the TCP at recorded `joints` (P, n)."""

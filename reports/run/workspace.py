@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Grid, Map, RegionAccuracy
 from ...analysis.diagnostics.values_to_enter import TcpError
+from ...analysis.observability.causes import Held
 from ...analysis.observability.outlook import NextPosture
 from ...words import numbers
 from ...words.case import RunCase
@@ -72,6 +73,10 @@ def _summary(result: Result, region: RegionAccuracy) -> str:
 def _doubts(result: Result) -> list[str]:
     """Why the truth may be worse than the numbers."""
     sentences, weak = [], result.accuracy.weak
+    if any(row.cause == Held("free tool") for row in result.parameters):
+        sentences.append(
+            "The last link, which the free tool takes up, is not measured: it counts by its tolerances."
+        )
     if weak:
         names = listed([label(name) for name in weak])
         one = len(weak) == 1
