@@ -7,13 +7,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from ..analysis.observability.causes import AsGoodAs, Cause, Held
+from ..analysis.observability.causes import AsGoodAs, Cause, Held, Unconverged
 from ..analysis.status import Status
 from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .entries import NONE_ESTIMATED
 from .observability import part_of, size_of
-from .wording import WEAK, Namer, be, joints, listed, person, status_words
+from .wording import NOT_DETERMINED, WEAK, Namer, be, joints, listed, person, status_words
 
 _HELD_BY: dict[HeldBy, str] = {
     "base frame": "held: base frame",
@@ -100,6 +100,11 @@ def above(limit: float, k: float, unit: str) -> str:
     return f"U > {numbers.exact(k * limit, unit)}"
 
 
+def without_estimate(row: _Row) -> str:
+    """What stands in place of an estimate that there is not."""
+    return "no estimate" if isinstance(row.cause, Unconverged) else NOT_DETERMINED
+
+
 def trusted(row: _Row, k: float, tolerances: Mapping[str, float]) -> str:
     """Yes or no, and by what; `tolerances` (u, by unit) decide what is weakly observable."""
     cause = row.cause
@@ -125,5 +130,7 @@ def trusted(row: _Row, k: float, tolerances: Mapping[str, float]) -> str:
             return f"no: {WEAK}, {above(limit, k, row.unit) if row.std > limit else 'without its prior'}"
         case "unvalidated":
             return "no: the model does not fit"
+        case "unidentifiable" if isinstance(cause, Unconverged):
+            return "no: the fit did not converge"
         case "unidentifiable":
             return "no: unidentifiable"

@@ -21,7 +21,7 @@ from ..kinematics.plausible import ONE_TURN
 from ..kinematics.robot import J3, PendantUnit, Robot
 from ..parsing.reading import did_you_mean, shown
 from ..parsing.validation import refusal
-from .text_tables import TextTable
+from .text_tables import TextTable, bare_name
 
 # Values recorded at a limit may differ from it by what one conversion between degrees and radians rounds off.
 ROUNDING = 1e-6
@@ -299,6 +299,9 @@ class JointColumns:
             columns = self._as_on_pendant(table)
         else:
             columns = [table.column(name) for name in self.names]
+        slides = [joint.kind == "prismatic" for joint in self.pendant.robot.joints]
+        units = [self.units if self.units == "pulse" or not slide else self.lengths for slide in slides]
+        table.require_units(columns, units, "state the unit of the column, or convert the column")
         return self.joints(table.numbers(columns))
 
     def joints(self, values: Matrix) -> Matrix:
@@ -311,7 +314,8 @@ class JointColumns:
         """Index of the column of each joint in a table of the joints alone."""
         robot, order, names = self.pendant.robot, self.pendant.order, list(table.names or ())
         joint_names = [robot.joints[i].name for i in order]
-        another = set(names) == set(joint_names) and names != joint_names
+        named = [_joint(bare_name(name), robot) for name in names]
+        another = set(named) == set(order) and named != order
         if self.others or table.width != robot.n or another:
             raise BadInput(
                 "the columns are not just the joints in their order",

@@ -228,6 +228,28 @@ def found_delimiter(text: str, decimal: str) -> str:
     return ";" if decimal == "," else ","
 
 
+_UNIT_OF_NAME = re.compile(
+    r"\s*[\[(_ ](mm|m|[uµμ]m|inch|in|deg|degrees?|°|rad|radians?)[\])]?\s*$", re.IGNORECASE
+)
+_UNITS = {"µm": "um", "μm": "um", "in": "inch", "°": "deg"}
+_UNITS |= {"degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad"}
+
+
+def bare_name(name: str) -> str:
+    """A column's name without the unit behind it."""
+    return _UNIT_OF_NAME.sub("", name).strip()
+
+
+def unit_of_name(name: str) -> str | None:
+    """The unit behind a column's name: mm, m, um, inch, deg or rad; None where there is none.
+
+    >>> unit_of_name("J1 [rad]"), unit_of_name("x_mm"), unit_of_name("dx")
+    ('rad', 'mm', None)
+    """
+    match = _UNIT_OF_NAME.search(name)
+    return None if match is None else _UNITS.get(match[1].lower(), match[1].lower())
+
+
 @dataclass(frozen=True)
 class TextTable:
     """Rows of text cells, all of one width, and their `lines`; `names` are of the header row, if any."""
@@ -267,6 +289,21 @@ class TextTable:
             file=self.path,
             line=self.header_line,
         )
+
+    def require_units(self, columns: Iterable[int], units: Iterable[str | None], remedy: str) -> None:
+        """BadInput where the name of one of the columns has another unit behind it than the one it is read
+        in; None: any."""
+        for column, unit in zip(columns, units, strict=True):
+            name = "" if self.names is None else self.names[column]
+            if unit is not None and unit_of_name(name) not in (None, unit):
+                raise BadInput(
+                    "the header row says another unit than is stated",
+                    found=f"{name}, read in {unit}",
+                    allowed="the unit in which the column was written",
+                    remedy=remedy,
+                    file=self.path,
+                    line=self.header_line,
+                )
 
     def numbers(self, columns: list[int]) -> Matrix:
         """(N, columns) finite numbers; BadInput with line and column of the first that is none."""

@@ -31,8 +31,8 @@ from ...words.outlook_words import (
     region_words,
     remedy_words,
 )
-from ...words.trust import above, tolerances_of, trusted
-from ...words.wording import NOT_DETERMINED, WEAK, joints
+from ...words.trust import above, tolerances_of, trusted, without_estimate
+from ...words.wording import WEAK, joints
 from ..style.blocks import (
     Bar,
     Bars,
@@ -176,7 +176,7 @@ def _row(
     if row.held or row.status == "assumed":
         return row_of(name, "", "", why, tone=tone)
     if row.estimate is None or row.std is None:
-        return row_of(name, Cell(NOT_DETERMINED, span=2), why, tone=tone)
+        return row_of(name, Cell(without_estimate(row), span=2), why, tone=tone)
     unit = unit_of(row.unit)
     if entered is not None and row.name not in entered.values:
         return row_of(name, "", "", why, tone=tone)

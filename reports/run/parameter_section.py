@@ -24,7 +24,7 @@ from ...words.geometry_words import (
 from ...words.numbers import unit_of
 from ...words.observability import reason
 from ...words.provenance import true_values
-from ...words.trust import tolerances_of
+from ...words.trust import tolerances_of, without_estimate
 from ...words.wording import NOT_DETERMINED, label, listed, person, sentence, status_words
 from ..style.blocks import (
     Cell,
@@ -161,7 +161,7 @@ def _parameter_row(row: ParameterResult, k: float) -> Row:
     if row.held and row.estimate is not None:
         return row_of(name, Cell(f"held at {numbers.exact(row.estimate, unit)}", span=2), word, tone=status)
     if row.estimate is None or row.std is None:
-        return row_of(name, Cell(NOT_DETERMINED, span=2), word, tone=status)
+        return row_of(name, Cell(without_estimate(row), span=2), word, tone=status)
     u = k * row.std
     expanded = numbers.spread(u, unit)
     if row.group == "noise" and row.interval95 is not None:

@@ -317,7 +317,11 @@ def import_csv(job: ImportJob, layout: CsvLayout, still: Stillness = NO_DWELLS) 
         sought = layout.delimiter is None and not is_workbook(path)
         notes = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if sought else []
         names = None if layout.target_column is None else table.texts(table.column(layout.target_column))
-        spots = None if layout.spot_columns is None else table.columns(layout.spot_columns)
+        spots = None
+        if layout.spot_columns is not None:
+            across = [table.column(name) for name in layout.spot_columns]
+            table.require_units(across, ["mm", "mm"], "convert the spots to mm, and name the columns so")
+            spots = table.numbers(across)
         times = None
         if layout.time_column is not None and layout.time_units is not None:
             times = table.seconds(layout.time_column, layout.time_units)

@@ -18,7 +18,13 @@ from scipy.spatial.transform import Rotation
 from ....model.arrays import Index, Matrix
 from ....model.errors import BadInput
 from ....model.files.joint_values import JointColumns
-from ....model.files.text_tables import DELIMITERS, TextTable, read_remarked_table
+from ....model.files.text_tables import (
+    DELIMITERS,
+    TextTable,
+    bare_name,
+    read_remarked_table,
+    unit_of_name,
+)
 from ....model.instruments.frames import nearest_rotation
 from ....model.instruments.pose import OtherPose, put_right
 from ....model.kinematics.orientation import orientation
@@ -194,7 +200,6 @@ _WORDS = {
 _UNIT = re.compile(r"\bunits?\b\s*[:=,]?\s*([a-z]+)", re.IGNORECASE)
 _MARKER = re.compile(r"([xyz])[ _.-]?(\d{1,3})|[a-z]{0,8}(\d{1,3})[ _.-]([xyz])", re.IGNORECASE)
 _UNSEEN = ("", "nan", "-", "null", "none")
-_UNIT_OF_NAME = re.compile(r"[\[(_ ](mm|m|inch|in)[\])]?$", re.IGNORECASE)
 _UNCERTAINTY = re.compile(
     r"(?:^|[^a-z])(?:u|std|sd|sigma|unc[a-z]*)[-_ .]*([xyz])(?:[^a-z]|$)", re.IGNORECASE
 )
@@ -276,12 +281,14 @@ def _points(
         _WORDS[word.lower()] for line in head for word in _UNIT.findall(line) if word.lower() in _WORDS
     }
     for i in columns if table.names is not None else []:
-        if match := _UNIT_OF_NAME.search(table.names[i] if table.names else ""):
-            in_file.add(_WORDS[match[1].lower()])
+        unit_there = unit_of_name(table.names[i] if table.names else "")
+        if unit_there is not None:
+            in_file.add(unit_there)
     units = {*in_file, *([] if layout.units is None else [layout.units])}
-    if len(units) != 1:
+    if len(units) != 1 or not units <= MILLIMETRES.keys():
+        one = "the unit of the coordinates is not stated" if not units else "there is no such unit"
         raise BadInput(
-            "the unit of the coordinates is not stated" if not units else "the units contradict each other",
+            one if len(units) < 2 else "the units contradict each other",
             found=", ".join(sorted(units)) or "no unit in the file",
             allowed="--units mm, m or inch",
             remedy="state the unit in which the table was written",
@@ -313,7 +320,7 @@ def _columns_of_markers(table: TextTable, layout: PointLayout) -> list[str]:
     """The columns of x, y and z of each marker by their names: x, y, z, or x1, y1, z1, x2, … of several."""
     by_marker: dict[str, dict[str, str]] = {}
     for name in table.names or ():
-        if match := _MARKER.fullmatch(_UNIT_OF_NAME.sub("", name).strip()):
+        if match := _MARKER.fullmatch(bare_name(name)):
             by_marker.setdefault(match[2] or match[3], {})[(match[1] or match[4]).lower()] = name
     numbered = [
         axes for _, axes in sorted(by_marker.items(), key=lambda item: int(item[0])) if len(axes) == 3
@@ -334,7 +341,7 @@ def _columns_of_markers(table: TextTable, layout: PointLayout) -> list[str]:
 
 def _axis_column(table: TextTable, axis: str) -> str:
     """The name of the column of an axis, which has a unit behind it or none."""
-    matching = [name for name in table.names or () if _UNIT_OF_NAME.sub("", name).strip().lower() == axis]
+    matching = [name for name in table.names or () if bare_name(name).lower() == axis]
     if len(matching) == 1:
         return matching[0]
     raise BadInput(

@@ -177,6 +177,35 @@ def test_columns_by_the_names_of_joints_in_any_order(read, refused):
 
 
 @pytest.mark.parametrize(
+    ("top", "what"),
+    [
+        ("J1 [rad],J2 [rad],J3 [rad],J4 [rad],J5 [rad],J6 [rad]", "another unit"),
+        ("j1_deg,j2_deg,j3_deg,j4 (rad),j5 (rad),j6 (rad)", "another unit"),
+        ("j1,j3,j2,j4,j5,j6", "not just the joints in their order"),
+        ("J1 [°],J2 [°],J3 [°],J4 [°],J6 [°],J5 [°]", "not just the joints in their order"),
+    ],
+)
+def test_a_header_row_that_contradicts_what_is_stated(top, what, read, refused):
+    """Whatever the program would make of the numbers, someone wrote down what they are."""
+    text = "\n".join([top, *(",".join(map(str, joints)) for joints in POSTURES)])
+    error = refused(read, text, ["a"], header_row=True)
+    assert what in error.what
+    assert error.line == 1
+    alike = text.replace(top, "J1 (deg),J2 (deg),J3 deg,j4_deg,5,joint6 [degrees]")
+    found = read(alike, ["a"], header_row=True)
+    np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], POSTURES)
+
+
+def test_spots_in_another_unit_than_mm(read, refused):
+    error = refused(
+        read, rows().replace("dx,dy", "dx [m],dy [m]"), **ALL | {"spot_columns": ["dx [m]", "dy [m]"]}
+    )
+    assert error.found == "dx [m], read in mm"
+    alike = read(rows().replace("dx,dy", "dx_mm,dy [mm]"), **ALL | {"spot_columns": ["dx_mm", "dy [mm]"]})
+    assert alike.shots[1].spot_mm == (0.1, -0.2)
+
+
+@pytest.mark.parametrize(
     ("sign", "name"), [(",", "comma"), (";", "semicolon"), ("\t", "tab"), ("   ", "blank")]
 )
 def test_a_delimiter_is_found_and_told(read, sign, name):
