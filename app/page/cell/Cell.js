@@ -1,9 +1,8 @@
 // The step Cell: what does not change from posture to posture. Robot, instrument, noise, targets, constraints,
 // obstacles.
 import { html } from "htm/preact";
-import { arm, file, plan } from "../core/editing.js";
-import { Making } from "../plan/Making.js";
-import { PlanBar, PlanMessage, PlanScene, useAddressedPlan, usePlanKeys } from "../plan/Plan.js";
+import { arm, file } from "../core/editing.js";
+import { PlanBar, PlanMessage, PlanScene, usePlanStep } from "../plan/Plan.js";
 import { Fold } from "../parts/Fold.js";
 import { Workspace } from "../parts/Workspace.js";
 import { Obstacles } from "./Obstacles.js";
@@ -20,17 +19,8 @@ function Robot() {
 }
 
 export function Cell() {
-  const state = useAddressedPlan();
-  usePlanKeys();
-  if (state === "none") {
-    return html`
-      <div class="alone"><h2>No plan yet</h2><p class="muted">The cell is stated in the plan's file.</p>
-        <${Making} /></div>`;
-  }
-  if (state !== "open" || plan.value === null) {
-    return html`
-      <p class="muted centred" role="status">${state === "opening" ? "…" : "The plan could not be opened."}</p>`;
-  }
+  const instead = usePlanStep(html`<p class="muted">The cell is stated in the plan's file.</p>`);
+  if (instead !== null) return instead;
   const inspector = html`
     <${PlanBar} />
     <h2>Robot</h2><${Robot} />

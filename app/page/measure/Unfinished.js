@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { calibrationOf, goOn, route, toJob } from "../core/route.js";
 import { attempt } from "../core/store.js";
 import { start, unfinished } from "./running.js";
-import { into, heard } from "../parts/Controls.js";
+import { into, TextField } from "../parts/Controls.js";
 
 /** @param {{one: import("./running.js").Unfinished}} props */
 function Item({ one }) {
@@ -33,14 +33,11 @@ function Item({ one }) {
       ${controller && options && html`<p class="muted">Resumes with the options that the folder has: ${options}</p>`}
       ${resume && html`<div class="bar">
         ${abb && html`
-          <input type="password" autocomplete="off" class="grow"
-            aria-label=${`Password of the controller, for ${one.file}`} placeholder="Password" value=${password.value}
-            onInput=${heard(into(password))} />`}
+          <${TextField} label=${`Password of the controller, for ${one.file}`} secret value=${password.value}
+            onValue=${into(password)} />`}
         ${controller && html`
-          <input type="text" autocomplete="off" spellcheck=${false} class="grow"
-            aria-label=${`Address of the controller, for ${one.file}`}
-            placeholder=${abb ? "HOST" : `${controller}://HOST`} value=${address.value}
-            onInput=${heard(into(address))} />`}
+          <${TextField} label=${`Address of the controller, for ${one.file}`} value=${address.value}
+            placeholder=${abb ? "HOST" : `${controller}://HOST`} onValue=${into(address)} />`}
         <button type="button" aria-label=${`Resume ${one.file}`}
           disabled=${busy.value || Boolean(controller && !(abb ? where : where.includes("://")))}
           onClick=${again}>Resume</button>

@@ -28,7 +28,7 @@ import { Postures } from "./Postures.js";
 const tools = signal({ target: true, flange: false, joints: true, boxes: true });
 
 /** Opens the plan that the address names, else the newest of the calibration. */
-export function useAddressedPlan() {
+function useAddressedPlan() {
   const { name, step } = route.value, newest = calibration.value?.files.plan[0] ?? lostDraftsOf(name)[0]?.plan ?? "";
   const wanted = addressed.value || newest, back = plan.value === null ? versionOf(wanted) : null;
   useEffect(() => {
@@ -47,6 +47,15 @@ export function useAddressedPlan() {
 function giveUp() {
   discard();
   if (plan.value === null) go("#/", { sure: true });
+}
+
+/** Opens that plan; what is shown as long as none is open, else null. @param {unknown} [about] beside making one */
+export function usePlanStep(about = null) {
+  const state = useAddressedPlan();
+  usePlanKeys();
+  if (state === "none") return html`<div class="alone"><h2>No plan yet</h2>${about}<${Making} /></div>`;
+  return state === "open" && plan.value !== null ? null : html`
+    <p class="muted centred" role="status">${state === "opening" ? "…" : "The plan could not be opened."}</p>`;
 }
 
 /** Saving, undoing, and which plan is open. */
@@ -71,7 +80,7 @@ export function PlanBar() {
 }
 
 /** The keys of the plan, wherever the focus is. */
-export function usePlanKeys() {
+function usePlanKeys() {
   useEffect(() => {
     const pressed = (/** @type {KeyboardEvent} */ event) => {
       if (!(event.ctrlKey || event.metaKey) || event.altKey || plan.value === null) return;
@@ -111,13 +120,8 @@ export function PlanScene({ caption = "Postures as the servo will leave them, ro
 }
 
 export function Plan() {
-  const state = useAddressedPlan(), i = chosen.value;
-  usePlanKeys();
-  if (state === "none") return html`<div class="alone"><h2>No plan yet</h2><${Making} /></div>`;
-  if (state !== "open" || plan.value === null) {
-    return html`
-      <p class="muted centred" role="status">${state === "opening" ? "…" : "The plan could not be opened."}</p>`;
-  }
+  const instead = usePlanStep(), i = chosen.value;
+  if (instead !== null || plan.value === null) return instead;
   const values = jointsOf(plan.value, i);
   const inspector = html`
     <${PlanBar} />
