@@ -89,15 +89,20 @@ def test_result_json_is_attached_where_it_is_small() -> None:
 
 
 @pytest.mark.long
-def test_the_head_has_date_and_serial_number() -> None:
-    inputs = good().inputs
-    stated = {"When": "2026-05-01", "robot_serial": "1600-42", "origin": "simulated"}
-    header = {**inputs.header, "provenance": stated}
-    result = dataclasses.replace(good(), inputs=dataclasses.replace(inputs, header=header))
-    text = " ".join(" ".join(Page(made(result)).text).split())
-    said = "Date of the measurements 2026-05-01 Robot, serial number 1600-42 Calibrated by not stated"
+def test_the_head_has_date_and_serial_number_of_a_robot_that_was_measured() -> None:
+    def page(origin: str) -> str:
+        inputs = good().inputs
+        stated = {"When": "2026-05-01", "robot_serial": "1600-42", "origin": origin}
+        header = {**inputs.header, "provenance": stated}
+        result = dataclasses.replace(good(), inputs=dataclasses.replace(inputs, header=header))
+        return " ".join(" ".join(Page(made(result)).text).split())
+
+    said = "Date of the measurements 2026-05-01 Robot, serial number 1600-42"
+    text = page("by hand")
     assert said in text
-    assert text.index(said) < text.index("Simulated: pass.")
+    assert text.index(said) < text.index("J2 to J5 are identified")
+    assert "Calibrated by" not in text[: text.index("J2 to J5 are identified")]  # nobody is stated
+    assert said not in page("simulated")
 
 
 def test_details_are_folded_below_what_matters() -> None:
