@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from ..experiments.makers.import_jobs import Imported, ImportJob
     from ..model.files.plan import Plan
     from ..model.files.run import Run
-    from ..model.kinematics.robot import J3
+    from ..model.options import J3
 
 # As help lists them; those of other makers are behind.
 _READERS = (

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from ..experiments.command_options import NewRobotOptions
 from ..model.errors import BadInput
-from ..model.options import J3Origin, Option, argument
+from ..model.options import J3Origin, Option, PendantUnit, PoseAngles, argument
 from .console import EXIT_STATUS, out, print_json, show_answer
 from .shared_options import Json
-
-PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
 
 
 def robot(
@@ -30,7 +28,7 @@ def robot(
         Option("Joint values as the pendant shows them, in any common form; repeatable. Default: all zero."),
     ] = None,
     units: Annotated[
-        Literal["deg", "rad", "pulse"] | None,
+        PendantUnit | None,
         Option("Unit of --joints, if not as the robot file states (deg)."),
     ] = None,
     j3: J3Origin = None,

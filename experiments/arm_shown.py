@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..analysis.pendant_check.pose_check import PendantCheck, check_poses
-from ..analysis.pendant_check.poses import FORM_OF_VENDOR, FORMS, AngleForm, Counting
+from ..analysis.pendant_check.poses import FORM_OF_VENDOR, FORMS, Counting
 from ..model.arrays import Matrix
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
@@ -18,7 +18,8 @@ from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
 from ..model.kinematics.inverse import longest_reach
 from ..model.kinematics.orientation import Orientation, Three, orientation
 from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
-from ..model.kinematics.robot import J3, JointKind, PendantUnit, Robot
+from ..model.kinematics.robot import JointKind, Robot
+from ..model.options import J3, PendantUnit, PoseAngles
 from ..model.records import inline, internal, it, key, record
 from ..words.wording import counted
 from .makers.joint_text import typed_joints, typed_poses
@@ -120,7 +121,7 @@ def typed_arm(
     units: PendantUnit | None,
     j3: J3 | None,
     poses: Sequence[str] = (),
-    angles: AngleForm | None = None,
+    angles: PoseAngles | None = None,
 ) -> ShownArm:
     """The robot of a name or file; `joints` are texts of joint values as the pendant shows them (none: the
     zero posture), in `units` and with joint 3 from `j3` where these are not as the robot file states.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ..model.errors import BadInput
-from ..model.options import JOINT_3, Ess, Option, Sampling, Seed, argument
+from ..model.options import J3, JOINT_3, Ess, Option, Sampling, Seed, argument
 
 Url = Annotated[
     str | None,
@@ -218,7 +218,7 @@ class BackupOptions:
         ),
     ] = ()
     j3: Annotated[
-        Literal["ground", "link"] | None,
+        J3 | None,
         Option(
             "what joint 3 is counted from, if not as the robot file states.",
             label=JOINT_3,
@@ -283,7 +283,6 @@ class ReachOptions:
 
 
 FASTEST = 60.0  # deg/s
-_J3 = Literal["ground", "link"] | None
 
 
 @dataclass(frozen=True)
@@ -347,7 +346,7 @@ class ProgramMotion:
         ),
     ] = None
     j3: Annotated[
-        _J3,
+        J3 | None,
         Option(
             "what the pendant counts joint 3 from, if not as the robot file states.",
             label=JOINT_3,

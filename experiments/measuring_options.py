@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 from ..model.errors import BadInput
-from ..model.options import JOINT_3, USUAL_REPEATS, Option, Seed, numbers_typed, options_of
+from ..model.options import J3, JOINT_3, USUAL_REPEATS, Option, PendantUnit, Seed, numbers_typed, options_of
 
 Pattern = Literal["x", "y", "optimal"]
 
@@ -340,7 +340,7 @@ class RunOptions:
         Path | None, Option("take the joint values from this file as it grows.", app=False, case="Manual")
     ] = None
     units: Annotated[
-        Literal["deg", "rad", "pulse"] | None,
+        PendantUnit | None,
         Option(
             "unit of the joint values, if neither they nor the robot file state it (deg).",
             needs=("--rig=manual",),
@@ -348,7 +348,7 @@ class RunOptions:
         ),
     ] = None
     j3: Annotated[
-        Literal["ground", "link"] | None,
+        J3 | None,
         Option(
             "what joint 3 is counted from, if not as the robot file states.",
             label=JOINT_3,

@@ -17,8 +17,8 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run, recorded
 from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
-from ..model.kinematics.robot import J3, PendantUnit, same_arm
-from ..model.options import USUAL_REPEATS
+from ..model.kinematics.robot import same_arm
+from ..model.options import J3, USUAL_REPEATS, PendantUnit
 from ..words.case import RunCase
 from ..words.message import acceptance_plan_message, headline_so_far, message_of_run
 from ..words.plan_catalogue import violation_words

@@ -318,9 +318,14 @@ USUAL_REPEATS = 2  # measurements that a plan, or an adaptive run, makes again a
 Seed = Annotated[
     int, Option("Random seed: the same seed gives the same answer.", least=0, label="Random seed")
 ]
+# What a pendant shows.
+J3 = Literal["ground", "link"]
+PendantUnit = Literal["deg", "rad", "pulse"]
+PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
+
 JOINT_3 = "Joint 3 is counted from"  # as forms call it
 J3Origin = Annotated[
-    Literal["ground", "link"] | None,
+    J3 | None,
     Option("What joint 3 is counted from, if not as the robot file states.", label=JOINT_3),
 ]
 

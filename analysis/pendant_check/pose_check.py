@@ -13,6 +13,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile, StatedTransform
 from ...model.kinematics.robot import Robot
+from ...model.options import J3
 from ...model.records import internal, it, key, record, worded
 from .poses import (
     FORMS,
@@ -66,7 +67,7 @@ def listed_changes(source: RobotFile | Robot, arm: Robot, reading: Counting) -> 
             yield EntryChange("metres", "all lengths of the URDF", "metres", "millimetres", scaled, reading)
     turns = revolute(arm)
     if arm.n > 2 and turns[1:3].all():
-        other3: Literal["link", "ground"] = "link" if reading.joint3 == "ground" else "ground"
+        other3: J3 = "link" if reading.joint3 == "ground" else "ground"
         changed = replace(reading, joint3=other3)
         yield EntryChange("joint3", "pendant.joint3", reading.joint3, other3, arm, changed)
     for i in range(arm.n):

@@ -24,7 +24,8 @@ from ...model.kinematics.orientation import (
     from_xyz,
     from_zyz,
 )
-from ...model.kinematics.robot import J3, Robot
+from ...model.kinematics.robot import Robot
+from ...model.options import J3, PoseAngles
 
 _DIGITS = 13  # of the numbers that a transform is taken apart into
 
@@ -121,14 +122,11 @@ def revolute(arm: Robot) -> Matrix:
     return np.array([joint.kind == "revolute" for joint in arm.joints])
 
 
-AngleForm = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
-
-
 def _vector_mm(values: Sequence[float]) -> Matrix:
     return from_rotation_vector([*(value / 1000 for value in values[:3]), *values[3:]])
 
 
-_POSES: Mapping[AngleForm, Callable[[Sequence[float]], Matrix]] = {
+_POSES: Mapping[PoseAngles, Callable[[Sequence[float]], Matrix]] = {
     "quaternion": from_quaternion,
     "abc": from_abc,
     "wpr": from_rpy,
@@ -136,8 +134,8 @@ _POSES: Mapping[AngleForm, Callable[[Sequence[float]], Matrix]] = {
     "xyz": from_xyz,
     "zyz": from_zyz,
 }
-FORMS: tuple[AngleForm, ...] = tuple(_POSES)
-FORM_OF_VENDOR: Mapping[str, AngleForm] = {
+FORMS: tuple[PoseAngles, ...] = tuple(_POSES)
+FORM_OF_VENDOR: Mapping[str, PoseAngles] = {
     "abb": "quaternion",
     "comau": "zyz",
     "denso": "wpr",
@@ -155,7 +153,7 @@ FORM_OF_VENDOR: Mapping[str, AngleForm] = {
 }
 
 
-def count_of(form: AngleForm) -> int:
+def count_of(form: PoseAngles) -> int:
     """How many numbers a pose has."""
     return 7 if form == "quaternion" else 6
 
@@ -181,7 +179,7 @@ class Counting:
     and a joint of the file that moves the other way (from 0), the unit of the joints; form and units of the
     pose."""
 
-    form: AngleForm
+    form: PoseAngles
     joint3: J3 = "link"
     reversed_joint: int | None = None
     exchanged: tuple[int, int] | None = None

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...analysis.pendant_check.poses import AngleForm, PendantPose, count_of
+from ...analysis.pendant_check.poses import PendantPose, count_of
 from ...model.errors import BadInput, located
 from ...model.files.joint_values import require_joint_count
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant, pendant_of
-from ...model.kinematics.robot import J3, PendantUnit
+from ...model.options import J3, PendantUnit, PoseAngles
 from ...model.parsing.reading import read_other_text, shown
 from .import_jobs import FileMeasurements, Imported, ImportJob, Keys, without_unused
 
@@ -310,7 +310,7 @@ _HINT = {6: "X, Y, Z and three angles", 7: "X, Y, Z and q1, q2, q3, q4"}
 
 
 def typed_poses(
-    joints: Sequence[str], poses: Sequence[str], pendant: Pendant, units: PendantUnit, form: AngleForm
+    joints: Sequence[str], poses: Sequence[str], pendant: Pendant, units: PendantUnit, form: PoseAngles
 ) -> list[PendantPose]:
     """The poses of texts, each with the text of the joint values at which the pendant shows it.
 

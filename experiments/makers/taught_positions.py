@@ -15,7 +15,8 @@ from ...model.files.joint_values import require_joint_count
 from ...model.files.plan import Plan
 from ...model.kinematics.orientation import from_quaternion, stated_numbers
 from ...model.kinematics.pendant import Pendant, pendant_of
-from ...model.kinematics.robot import J3, Robot
+from ...model.kinematics.robot import Robot
+from ...model.options import J3
 from ...model.parsing.reading import read_other_text, unknown_name
 from ..positions.arm_change import ArmChange, PositionFrames, kept, up_to_flange
 from ..positions.position import BackupReading, JointLanguage, NotConvertible, SourceFile, TaughtPosition

@@ -25,7 +25,7 @@ from ...model.kinematics.orientation import (
     from_zyz,
     orientation,
 )
-from ...model.kinematics.robot import PendantUnit
+from ...model.options import PendantUnit
 
 if TYPE_CHECKING:
     from ...model.arrays import Matrix

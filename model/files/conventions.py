@@ -8,7 +8,8 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from ..kinematics.robot import J3, Conventions, JointKind, PendantUnit
+from ..kinematics.robot import Conventions, JointKind
+from ..options import J3, PendantUnit
 from ..parsing.reading import KeyPath, shown
 from ..parsing.validation import FileModel, Name, NumberPair, Positive, as_tuple, refusal
 

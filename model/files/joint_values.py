@@ -18,7 +18,8 @@ from ..errors import BadInput
 from ..kinematics import pendant
 from ..kinematics.pendant import Pendant, pendant_of
 from ..kinematics.plausible import ONE_TURN
-from ..kinematics.robot import J3, PendantUnit, Robot
+from ..kinematics.robot import Robot
+from ..options import J3, PendantUnit
 from ..parsing.reading import did_you_mean, shown
 from ..parsing.validation import refusal
 from .text_tables import TextTable, bare_name

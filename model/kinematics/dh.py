@@ -31,7 +31,7 @@ ORDER: dict[Convention, tuple[str | None, ...]] = {
 AXIS = {"theta": "z", "d": "z", "a": "x", "alpha": "x", "beta": "y"}
 LENGTHS = ("d", "a")
 
-_NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))  # as of the geometry's parameters
+NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))  # the sine of the angle between two axes
 _NO_LENGTH = 1e-10  # mm: has no direction
 _ROUNDING = 1e-12  # mm or rad
 _EXACT = 1e-9  # of a transform that is a row, rad and mm
@@ -143,7 +143,7 @@ def _row_of(whole: Matrix, near: DHRow, *, last: bool) -> DHRow:
     Of the `last` row up to any motion, which the transform to the flange takes up.
     """
     sine = float(np.hypot(whole[0, 2], whole[1, 2]))
-    if near.beta == 0 and sine >= _NEARLY_PARALLEL:
+    if near.beta == 0 and sine >= NEARLY_PARALLEL:
         return _of_normal(whole, near)
     return _of_origins(whole, near, turned=last)
 

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix
 from ..errors import BadInput
+from ..options import J3, PendantUnit
 from ..records import internal, key, record
-from .robot import J3, PendantUnit, Robot
+from .robot import Robot
 
 COUNTED_FROM_GROUND = ("fanuc",)  # vendors whose pendants do so: where nothing is stated, it is asked for
 SLACK = 1e-9  # rad or mm by which rounding may take a joint beyond its limit
@@ -231,11 +232,11 @@ class Pendant:
         if self.order != sorted(self.order):
             parts.append("joints are in the pendant's order: " + ", ".join(self.names[i] for i in self.order))
         if self.unit != "deg":
-            parts.append(f"values are in {_UNITS[self.unit]}")
+            parts.append(f"values are in {UNITS_IN_WORDS[self.unit]}")
         return "; ".join(parts) or None
 
 
-_UNITS: Mapping[PendantUnit, str] = {"deg": "degrees", "rad": "radians", "pulse": "pulses"}
+UNITS_IN_WORDS: Mapping[PendantUnit, str] = {"deg": "degrees", "rad": "radians", "pulse": "pulses"}
 
 
 def pendant_of(robot: Robot, j3: J3 | None = None, vendor: str | None = None) -> Pendant:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from ..arrays import ByValue, Matrix
 from ..errors import BadInput
 from ..kernel import Kernel
+from ..options import J3, PendantUnit
 
 
 def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Matrix:
@@ -75,8 +76,6 @@ def onto_z(axis: Matrix) -> Matrix:
 
 
 JointKind = Literal["revolute", "prismatic"]
-J3 = Literal["ground", "link"]
-PendantUnit = Literal["deg", "rad", "pulse"]
 Turn = tuple[ca.SX, ca.SX]  # cosine and sine of a revolute joint, position and nothing of a prismatic one
 
 

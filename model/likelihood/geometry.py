@@ -31,6 +31,7 @@ import numpy as np
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..files.header import GeometryKind
+from ..kinematics.dh import NEARLY_PARALLEL
 from ..kinematics.robot import JointKind, Robot
 
 if TYPE_CHECKING:
@@ -57,7 +58,6 @@ _WHOLE: dict[JointKind, tuple[LinkAxis, ...]] = {
     "revolute": ("a", "b", "d", "alpha", "beta"),
     "prismatic": ("a", "b", "theta", "alpha", "beta"),
 }
-_NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))
 _POSTURES = 4096  # for the largest torque over the joints' ranges
 _NO_TORQUE = 1e-6  # of the largest of any joint, and of the weight behind a joint at the arm's whole length
 
@@ -381,7 +381,7 @@ def _frame(axis: Matrix, transform: Matrix, next_axis: Matrix) -> tuple[Matrix, 
     parallel. `axis` is that of the joint, `next_axis` the next one's in its own frame behind `transform`."""
     origin, along = transform[:3, 3], transform[:3, :3] @ next_axis
     normal = np.cross(axis, along)
-    parallel = bool(np.linalg.norm(normal) < _NEARLY_PARALLEL)
+    parallel = bool(np.linalg.norm(normal) < NEARLY_PARALLEL)
     own_x = transform[:3, 0] - (transform[:3, 0] @ axis) * axis
     if parallel:
         normal = origin - (origin @ axis) * axis

@@ -13,8 +13,8 @@ from ...model.arrays import Matrix
 from ...model.files.plan import Plan
 from ...model.instruments.kind import PartRead, Target
 from ...model.kinematics.pendant import Pendant, pendant_of
-from ...model.kinematics.robot import J3
 from ...model.likelihood.problem import by_posture
+from ...model.options import J3
 from ...words import numbers
 from ...words.wording import again_words, capital, clipped, counted, listed, sentence, shown
 from ..output.pdf import pdf

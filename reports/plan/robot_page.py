@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...experiments.arm_shown import ShownArm, ShownPose
 from ...model.files.robot_file import built_in_robots, stated_rows
-from ...model.kinematics.pendant import COUNTED_FROM_GROUND, Pendant
+from ...model.kinematics.pendant import COUNTED_FROM_GROUND, UNITS_IN_WORDS, Pendant
 from ...model.kinematics.robot import Joint
 from ...words import numbers
 from ...words.pendant_check import check_sentences
@@ -14,7 +14,6 @@ from ...words.wording import counted, listed, shown
 from ..style.blocks import Page, Paragraph, Section, Table, Verdict, row_of, section_of, table_of
 
 _NOT_STATED = "–"
-_UNITS = {"deg": "degrees", "rad": "radians", "pulse": "pulses"}
 _ENCODERS = {
     "link": "the angle between links 2 and 3",
     "ground": "the direction of link 3, whatever joint 2 does",
@@ -86,7 +85,7 @@ def _conventions(pendant: Pendant) -> list[str]:
     else:
         lines.append(f"Joint 3 is counted from link 2 ({pendant.source}).")
     order = ", ".join(pendant.names[i] for i in pendant.order)
-    lines.append(f"The pendant shows {shown(order)}, in {_UNITS[pendant.unit]}.")
+    lines.append(f"The pendant shows {shown(order)}, in {UNITS_IN_WORDS[pendant.unit]}.")
     if facts.encoder3 is not None:
         lines.append(f"The encoder of joint 3 measures {_ENCODERS[facts.encoder3]}.")
     return lines

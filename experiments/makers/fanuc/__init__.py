@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from ....model.options import JOINT_3, J3Origin, Option
+from ....model.options import J3, JOINT_3, J3Origin, Option
 from ..maker import Maker, OffsetFile, PlanProgram, PointNames, TaughtFormat, TaughtPoint
 from ..manifest import ProgramName, ProgramTemplate, ToolName, read_taught, taught_reader
 
@@ -22,7 +22,7 @@ def _sheet(
     run: "Run",
     calibration: "RobotCalibration",
     j3: Annotated[
-        Literal["ground", "link"] | None,
+        J3 | None,
         Option("What the pendant counts joint 3 from, if not as the robot file states.", label=JOINT_3),
     ] = None,
     master_counts: Annotated[str | None, Option("Present master counts: C1,C2,…")] = None,

@@ -20,7 +20,7 @@ import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
-from ....model.kinematics.robot import J3
+from ....model.options import J3
 from ....model.parsing.confinement import require_within
 from ....model.parsing.reading import read_bytes, shown
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from ....model.errors import BadInput
 from ....model.kinematics.pendant import encoder3_of, pendant_of
-from ....model.kinematics.robot import J3, Robot
+from ....model.kinematics.robot import Robot
+from ....model.options import J3
 from ..calibration import RobotCalibration
 from ..maker import numbers_of, require_vendor
 from ..plan_programs import sheet_text

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from ....model.errors import BadInput
-from ....model.options import J3Origin, Option, names_typed
+from ....model.options import J3Origin, Option, PendantUnit, names_typed
 from ..maker import Decimal, MarkerColumn, StillDeg, StillMm, StillSeconds
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class CsvLayout:
     prismatic joints. `changes_only`: rows only where the joints changed, each valid until the next.
     """
 
-    units: Annotated[Literal["deg", "rad", "pulse"], Option("Unit of the angles.")]
+    units: Annotated[PendantUnit, Option("Unit of the angles.")]
     target_column: Annotated[
         str | None, _column("Column with each row's target, instead.", "Target of each row")
     ] = None

@@ -20,8 +20,8 @@ from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ....model.instruments.kind import Instrument, Measurement
 from ....model.kinematics.pendant import Pendant
-from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
+from ....model.options import PendantUnit
 from ....model.parsing.reading import shown
 from ...makers.joint_text import joints_so_far, labelled, typed_joints
 from ...procedure.beam_ports import arm_sent

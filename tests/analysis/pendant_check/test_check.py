@@ -11,7 +11,6 @@ import pytest
 from zerobeam.analysis.pendant_check.pose_check import PendantCheck, _file_changes, check_poses
 from zerobeam.analysis.pendant_check.poses import (
     FORM_OF_VENDOR,
-    AngleForm,
     Counting,
     PendantPose,
     entries,
@@ -22,6 +21,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import RobotFile, load_robot, stated_rows
 from zerobeam.model.kinematics.orientation import orientation
+from zerobeam.model.options import PoseAngles
 from zerobeam.words.pendant_check import check_sentences
 
 POSTURES = ((20.0, -30.0, 40.0, 50.0, -60.0, 70.0), (-35.0, 25.0, -10.0, -80.0, 45.0, 110.0))
@@ -29,7 +29,7 @@ ARMS = ("gp7", "ur5e", "kr6_r900", "lrmate_200id", "tx2_60", "irb120")
 Wrong = tuple[RobotFile, Counting]
 
 
-def numbers_shown(pose: Matrix, form: AngleForm) -> tuple[tuple[float, ...], float]:
+def numbers_shown(pose: Matrix, form: PoseAngles) -> tuple[tuple[float, ...], float]:
     """A pose as a pendant rounds it, and the last digit of its orientation."""
     forms = orientation(pose[:3, :3])
     angles, digits = {

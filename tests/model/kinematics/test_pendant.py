@@ -18,7 +18,8 @@ from zerobeam.model.kinematics.pendant import (
     pendant_of,
     require_link_encoder,
 )
-from zerobeam.model.kinematics.robot import J3, Robot
+from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.options import J3
 
 
 def test_there_and_back_for_one_posture_and_for_many() -> None:
