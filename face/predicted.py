@@ -51,7 +51,7 @@ def predicted_positions(
     degrees = joint_positions(
         np.atleast_2d(joints), "joints", problem.robot, unit, noun="posture", limits="warn"
     )
-    for doubt in joint_warnings(problem.robot, degrees, "posture"):
+    for doubt in joint_warnings(problem.robot, degrees):
         warnings.warn(doubt, DoubtfulJoints, stacklevel=3)
     recorded = degrees / problem.robot.display
     point = problem.tool.point if point_mm is None else np.array(vector(point_mm, 3, "point_mm"))

@@ -20,7 +20,6 @@ from ..analysis.observability.check import Check
 from ..analysis.observability.geometry_result import Basis, Size
 from ..analysis.solution import Solution
 from ..analysis.status import NOT_DESCRIBED, Verdict, known
-from ..model.files.header import Header
 from ..model.files.run import LEFT_OUT, in_no_file, made_without
 from ..model.instruments.flange_tool import FlangeTool
 from ..model.likelihood.parameters import Unit
@@ -149,11 +148,6 @@ def message(answer: Result | Check) -> Message:
     of = quantity_of_u(values_shown(answer, content))
     basis = basis_lines(answer.taken_as_known, header, k, person, effects=case.sound, of=of)
     return replace(content, basis=basis)
-
-
-def message_so_far(solution: Solution, run: str, header: Header) -> Message:
-    """The same while the measurements of a run, a file of that name, are being made."""
-    return message_of_run(RunCase.so_far(solution, run, header.model_dump(mode="json")))
 
 
 def acceptance_plan_message(measurements: int, calibration: str, run: str) -> Message:

@@ -468,9 +468,9 @@ def needed_words(prior: TightPrior) -> str:
     return f"{needed} instead of {numbers.with_unit(tolerance, prior.unit)} ({factor})"
 
 
-def larger_tolerance(prior: TightPrior, name: Namer = str) -> str:
+def larger_tolerance(prior: TightPrior) -> str:
     """What to do about it, as a sentence."""
-    key = _TOLERANCES[prior.of][1] if prior.of in _TOLERANCES else f"the sigma of {name(prior.of)}"
+    key = _TOLERANCES[prior.of][1] if prior.of in _TOLERANCES else f"the sigma of {prior.of}"
     value = "" if prior.needed is None else f" {numbers.significant(prior.needed, 2)}"
     colon = ":" if prior.of in _TOLERANCES and value else ""
     if not value:
@@ -479,9 +479,9 @@ def larger_tolerance(prior: TightPrior, name: Namer = str) -> str:
     return f"If {known}, state {key}{colon}{value} in the header ({_WHERE}), {_AGAIN}."
 
 
-def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
+def misfit_headline(misfit: Misfit) -> str:
     """What is wrong, first of all; the first criterion, and what follows for the answer."""
-    first = criterion_sentence(misfit.criteria[0], name).removeprefix("Lack of fit: ")
+    first = criterion_sentence(misfit.criteria[0]).removeprefix("Lack of fit: ")
     more = len(misfit.criteria) - 1
     also = f" {more} more {'criterion agrees' if more == 1 else 'criteria agree'}." if more else ""
     return f"{capital(first)}.{also} {capital(UNVALIDATED)}."

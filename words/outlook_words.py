@@ -74,13 +74,6 @@ class RemedyWords(NamedTuple):
     minutes: str
 
 
-def shown_remedies(outlook: Outlook, units: Mapping[str, str]) -> list[RemedyWords]:
-    """The answer as it is, then what is shown first; nothing where nothing gains anything. `units` of all
-    offsets, by name."""
-    best = best_remedies(outlook)
-    return [remedy_words(row, outlook.now, units) for row in (outlook.now, *best)] if best else []
-
-
 def best_remedies(outlook: Outlook) -> list[OutlookRow]:
     """Those that are shown first."""
     return list(outlook.worth[:MOST_SHOWN])

@@ -311,19 +311,19 @@ class HypothesisFit:
 
 
 def fits_from(
-    density: Density, start: Matrix, of: Index | None = None, *, most_steps: int = 200
+    density: Density, start: Matrix, *, most_steps: int = 200
 ) -> tuple[Matrix, list[HypothesisFit]]:
     """The modes x (W, p) from each start, and what is left there, of no cause yet."""
-    x = modes(density, start, of, most_steps=most_steps).x
-    return x, fits_at(density, x, of)
+    x = modes(density, start, most_steps=most_steps).x
+    return x, fits_at(density, x)
 
 
-def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[HypothesisFit]:
+def fits_at(density: Density, x: Matrix) -> list[HypothesisFit]:
     """What is left at each x (W, p), of no cause yet."""
     parameters = density.problem.parameters
-    slopes = density.slopes(x, of)
+    slopes = density.slopes(x)
     z = density.scaled(x)
-    numbers = np.broadcast_to(density.numbers(of), len(x)) + len(density.problem.ties)
+    numbers = np.broadcast_to(density.numbers(), len(x)) + len(density.problem.ties)
     finite: Mask = np.asarray(np.isfinite(slopes.information).all(axis=(1, 2)))
     information = np.where(finite[:, None, None], slopes.information, np.eye(density.size))
     wide = np.asarray(~parameters.tolerated[parameters.free])

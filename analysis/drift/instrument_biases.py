@@ -215,7 +215,6 @@ def instrument_biases(
     arms: Sequence[MeasuredArm],
     each: Each = map,
     *,
-    alarm: float = ALARM,
     seed: int = 0,
 ) -> Instruments:
     """The biases of all instruments that the arms were measured by. `each` does what is done for each arm, in
@@ -236,7 +235,7 @@ def instrument_biases(
             break
     comparable = tuple(_comparable(now))
     total = replace(draws, mean=draws.mean + [shift.get(column, 0.0) for column in draws.columns])
-    return Instruments(tuple(_biases(now, comparable, total, alarm)), comparable, unstated)
+    return Instruments(tuple(_biases(now, comparable, total)), comparable, unstated)
 
 
 def bias_information(series: Series, rates: Matrix, allowed: Matrix, design: Matrix) -> tuple[Matrix, Matrix]:
@@ -367,7 +366,6 @@ def _biases(
     arms: Sequence[_CorrectedArm],
     comparable: Sequence[ComparableInstruments],
     draws: _BiasDraws,
-    alarm: float,
 ) -> Iterator[Bias]:
     units = {
         name: unit for arm in arms for name, unit in zip(arm.series.names, arm.series.units, strict=True)
@@ -380,7 +378,7 @@ def _biases(
             rest = [name for name in group if name not in biased]
             named = group[1:] if len(group) == 2 else group
             biases = [
-                _bias(draws, (offset, units[offset]), instrument, set(rest) - {instrument}, tests, alarm)
+                _bias(draws, (offset, units[offset]), instrument, set(rest) - {instrument}, tests)
                 for instrument in named
                 if rest != [instrument]
             ]
@@ -410,7 +408,6 @@ def _bias(
     instrument: str,
     others: Collection[str],
     tests: int,
-    alarm: float,
 ) -> Bias:
     """Of an offset and its unit: an instrument against the mean of the others, by the draws of the biases."""
     (offset, unit), against = of, sorted(others)
@@ -432,5 +429,5 @@ def _bias(
         float(np.sqrt((std**2).mean() + mean.var())),
         mixture_interval(mean, std, even, LEVEL),
         p_value,
-        p_value <= alarm,
+        p_value <= ALARM,
     )

@@ -275,7 +275,7 @@ def _with_noise_factors(
     )
 
 
-def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = STARTS, seed: int = 0) -> Fits:
+def fit_each(problem: Problem, joints: Matrix, spots: Matrix) -> Fits:
     """The fit of `fit_likelihood` for each of W data sets of one problem, side by side.
 
     `joints` (W, M, n) and `spots` are what was recorded. Starts, choice among them and the further starts of
@@ -283,21 +283,21 @@ def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = S
     and only that one is polished. With separate noise factors each run is fitted by `fit_likelihood` itself.
     """
     density, count = Density(problem, joints, spots), len(joints)
-    z = _start_points(density.size, starts, seed)
+    z = _start_points(density.size, STARTS, 0)
     of = np.repeat(np.arange(count), len(z))
     minima = modes(density, start_at(problem, np.tile(z, (count, 1)), joints[of]), of)
     best = _best_start(minima.converged.reshape(count, -1), -minima.cost.reshape(count, -1))
     fits = fit_rows(density, minima.x[np.arange(count) * len(z) + best])
     x, scaled, covariance = fits.x.copy(), fits.z.copy(), fits.covariance.copy()
     converged, log_posterior = fits.converged.copy(), fits.log_posterior.copy()
-    doubtful = problem.noise.known and starts < MANY_STARTS and _has_few_numbers(problem)
+    doubtful = problem.noise.known and _has_few_numbers(problem)
     for row in range(count if doubtful or problem.noise.separate else 0):
-        moved, more = problem.moved(joints[row], spots[row]), starts
+        moved, starts = problem.moved(joints[row], spots[row]), STARTS
         if doubtful:
             if fit_p_value(moved, moved.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
                 continue
-            more = MANY_STARTS
-        again = fit_likelihood(moved, starts=more, seed=seed)
+            starts = MANY_STARTS
+        again = fit_likelihood(moved, starts=starts)
         x[row], scaled[row], covariance[row] = again.x, again.z, again.covariance
         converged[row], log_posterior[row] = again.converged, again.log_posterior
     return replace(

@@ -79,7 +79,6 @@ def levenberg_marquardt(
     start: Matrix,
     *,
     max_iterations: int = 200,
-    damping: float = DAMPING,
     tolerance: float = TOLERANCE,
     absolute: float = 1e-300,
     longest: Matrix | float = np.inf,
@@ -88,7 +87,7 @@ def levenberg_marquardt(
 
     The step solves (C + mu D) h = -g with D the diagonal of the curvature C, so that it changes with no unit
     (eq. 9 of the paper has D = I, and Omega there must be the residual vector). A row ends where its step
-    promises to lower the cost by less than `tolerance` of it, or by `absolute`; `damping` is the first mu.
+    promises to lower the cost by less than `tolerance` of it, or by `absolute`.
     Steps are shortened so that no coordinate moves by more than its `longest` (f,).
     """
     rows, size = start.shape
@@ -110,7 +109,7 @@ def levenberg_marquardt(
     x, cost, slope, curvature = (
         part[active] for part in (result.x, result.cost, result.slope, result.curvature)
     )
-    mu, nu = np.full(len(active), damping), np.full(len(active), 2.0)
+    mu, nu = np.full(len(active), DAMPING), np.full(len(active), 2.0)
     for iteration in range(max_iterations):
         if len(active) == 0:
             break

@@ -33,7 +33,6 @@ MOST_SAMPLES = 10_000  # in one request
 
 IDENTITY = b"I\n"
 _DATA = re.compile(r"D (\d{1,5}) (\d{1,5})" + r" (-?\d{1,8})" * 4)
-_REQUEST = re.compile(rb"R (\d{1,5}) (\d{1,5})")
 
 
 @dataclass(frozen=True)
@@ -78,12 +77,6 @@ def sample_line(sample: PsdSample) -> str:
 def request_line(request: int, samples: int) -> bytes:
     """The computer's request for so many samples."""
     return f"R {request} {samples}\n".encode("ascii")
-
-
-def parse_request(line: bytes) -> tuple[int, int] | None:
-    """Request and number of samples that a line of the computer asks for; None for another line."""
-    match = _REQUEST.fullmatch(line.rstrip(b"\r\n"))
-    return None if match is None else (int(match[1]), int(match[2]))
 
 
 T = TypeVar("T")

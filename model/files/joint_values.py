@@ -120,10 +120,10 @@ def check_limits(
     return (*warnings, hint) if hint else tuple(warnings)
 
 
-def joint_warnings(robot: Robot, joints: Matrix, noun: str) -> tuple[str, ...]:
+def joint_warnings(robot: Robot, joints: Matrix) -> tuple[str, ...]:
     """The sentences of `check_limits` on joint values (N, n), degrees or mm, that are no measurements."""
     count = len(joints)
-    return check_limits(robot, joints, noun, range(count), [None] * count, limits="warn", file=None)
+    return check_limits(robot, joints, "posture", range(count), [None] * count, limits="warn", file=None)
 
 
 def check_limits_of_argument(

@@ -122,11 +122,6 @@ class Solver:
         rows = np.array(list(itertools.product(*choices))).reshape(-1, robot.n)
         return rows[~beyond_limits(robot, rows, _AT_LIMIT).any(axis=1)]
 
-    def nearest_turns(self, row: Matrix, near: Matrix) -> Matrix:
-        """(n,): of the same joints but for whole turns those nearest to `near`, whatever the limits."""
-        turns = np.where(self._turn < np.inf, np.round((near - row) / np.minimum(self._turn, 1e9)), 0.0)
-        return np.asarray(row + turns * np.where(self._turn < np.inf, self._turn, 0.0))
-
 
 _FIRST, _AGAIN = 2000, 150
 _SHARES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001, 0.0003)  # of each joint's range

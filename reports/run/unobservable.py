@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -145,10 +144,6 @@ class _Panel:
         """(3,) the end of its mark."""
         at = np.array(posture.links[self._marked])
         return np.asarray(at + self._mark * (np.array(posture.mark) - at))
-
-    @cached_property
-    def _middle(self) -> int:
-        return len(self._frames) // 2
 
     def _postures(self, frame: MotionFrame) -> Sequence[MovedPosture]:
         return frame.postures if self._which == "postures" else frame.new

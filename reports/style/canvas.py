@@ -127,9 +127,12 @@ def beside(axes: Axes, x: float, y: float, words: str, *, gap: float = 7, color:
     axes.annotate(words, (x, y), (gap, 0), textcoords="offset points", va="center", fontsize=9, color=colour)
 
 
-def hatched(axes: Axes, y: float, words: str, *, half: float = 0.36, size: float = 9.0) -> None:
-    """The hatched strip of what has no number, `y` ± `half`, with `words` that say so."""
-    axes.axhspan(y - half, y + half, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0)
+_HALF = 0.36  # of the strip of a row
+
+
+def hatched(axes: Axes, y: float, words: str) -> None:
+    """The hatched strip of what has no number, at `y`, with `words` that say so."""
+    axes.axhspan(y - _HALF, y + _HALF, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0)
     if words:
         axes.text(
             0.5,
@@ -139,7 +142,7 @@ def hatched(axes: Axes, y: float, words: str, *, half: float = 0.36, size: float
             ha="center",
             va="center_baseline",
             color=light("unidentifiable"),
-            fontsize=size,
+            fontsize=9,
             bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 1},
         )
 

@@ -4,6 +4,7 @@ POSIX only, as pseudo-terminals are.
 """
 
 import os
+import re
 import select
 import threading
 from collections.abc import Callable
@@ -16,7 +17,6 @@ from zerobeam.experiments.sensors.amplifier import (
     LONGEST,
     MOST_SAMPLES,
     PsdSample,
-    parse_request,
     sample_line,
     with_checksum,
 )
@@ -24,6 +24,14 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.whole_file import Closing
 
 _POLL_S = 0.02
+
+_REQUEST = re.compile(rb"R (\d{1,5}) (\d{1,5})")
+
+
+def parse_request(line: bytes) -> tuple[int, int] | None:
+    """Request and number of samples that a line of the computer asks for; None for another line."""
+    match = _REQUEST.fullmatch(line.rstrip(b"\r\n"))
+    return None if match is None else (int(match[1]), int(match[2]))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import scipy
 from analysed_once import analysed_once
 from cells import LASER, TABLE_2, good_plan, pattern_plan, run_of, simulated
 from exact_runs import demo_runs
+from messages_so_far import message_so_far
 from rich.console import Console
 
 import zerobeam as zb
@@ -38,7 +39,7 @@ from zerobeam.reports.run.brief_page import brief_page
 from zerobeam.reports.run.report import report_page
 from zerobeam.words import numbers
 from zerobeam.words.case import RunCase
-from zerobeam.words.message import basis_lines, message, message_of_run, message_so_far, next_steps
+from zerobeam.words.message import basis_lines, message, message_of_run, next_steps
 from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])

@@ -10,7 +10,7 @@ from zerobeam.analysis.tcp_region import TcpRegion
 from zerobeam.commands.judging import exit_status_of_plan
 from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.words.message import message
-from zerobeam.words.outlook_words import outlook_notes, plan_command, shown_remedies
+from zerobeam.words.outlook_words import best_remedies, outlook_notes, plan_command, remedy_words
 
 
 def row(remedy: str, shots: int, u: float | None, tcp: float, links: float, gain: float) -> OutlookRow:
@@ -34,14 +34,14 @@ def test_a_weak_plan_that_others_make_a_pass_is_planned_anew_with_the_command() 
 
 
 def test_remedies_that_gain_nothing_are_not_shown_first() -> None:
-    shown = shown_remedies(outlook(), {"delta2": "deg"})
+    what = outlook()
+    shown = [remedy_words(row, what.now, {"delta2": "deg"}) for row in best_remedies(what)]
     assert [each.remedy for each in shown] == [
-        "as it is",
         "12 best postures, 2 again",
         "7 better postures, 2 again",
     ]
-    assert shown[1].largest == "0.030°"
-    assert shown_remedies(replace(outlook(), remedies=outlook().remedies[2:]), {"delta2": "deg"}) == []
+    assert shown[0].largest == "0.030°"
+    assert best_remedies(replace(what, remedies=what.remedies[2:])) == []
 
 
 @pytest.mark.parametrize(

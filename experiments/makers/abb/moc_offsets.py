@@ -249,7 +249,7 @@ def _lines(text: str) -> list[str]:
     return re.findall(r"[^\n]*\n|[^\n]+", text)
 
 
-def reading_change(old: Path, new: Path, gears: Gears, joints: int, unit: str = "rob1") -> Matrix:
+def reading_change(old: Path, new: Path, gears: Gears, joints: int) -> Matrix:
     """(n,) degrees by which joints read more with the cal_offsets of the new MOC.cfg than with the old ones,
     each a file or the folder of a backup, by the formula above for gears that are not coupled.
 
@@ -260,7 +260,7 @@ def reading_change(old: Path, new: Path, gears: Gears, joints: int, unit: str = 
     texts = [_COMMENT.sub(_blank, read_other_text(path)) for path in paths]
     change = np.zeros(joints)
     for i in range(joints):
-        motor, values = f"{unit}_{i + 1}", []
+        motor, values = f"rob1_{i + 1}", []
         for path, text in zip(paths, texts, strict=True):
             with located(path):
                 values.append(_number(text, "MOTOR_CALIB", motor, "cal_offset").number)

@@ -19,6 +19,7 @@ from cells import (
     run_of,
     simulated,
 )
+from messages_so_far import message_so_far
 
 from zerobeam.analysis.observability.causes import (
     CommonMotion,
@@ -38,7 +39,7 @@ from zerobeam.experiments.plans.constraints import check_plan
 from zerobeam.model.files.plan import Plan, StatedConstraints
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.message import message, message_so_far
+from zerobeam.words.message import message
 from zerobeam.words.observability import direction_remedy, outlook_lines, reason
 from zerobeam.words.sentences import to_json
 

@@ -20,6 +20,7 @@ from cells import (
     varied_postures,
 )
 from export_runs import STATED, TRUTH, arm_run, hostile
+from messages_so_far import message_so_far
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
@@ -34,7 +35,7 @@ from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.message import message, message_so_far
+from zerobeam.words.message import message
 
 Refused = Callable[..., BadInput]
 

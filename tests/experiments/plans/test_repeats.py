@@ -12,6 +12,7 @@ import pytest
 from cells import LASER, header, irb1600
 from command_line import zerobeam
 from deviating_arms import Arms
+from messages_so_far import message_so_far
 from plan_requests import plan_request
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose, undecided
@@ -29,7 +30,6 @@ from zerobeam.model.files.plan import Plan, first_in_turn, read_plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.kernel import one_blas_thread
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.message import message_so_far
 from zerobeam.words.misfit_words import cause_sentence
 
 TARGET = np.array([900.0, 0.0, 0.0])

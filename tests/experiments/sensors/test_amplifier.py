@@ -8,14 +8,13 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from amplifier_stand_in import AmplifierStandIn, LineFaults
+from amplifier_stand_in import AmplifierStandIn, LineFaults, parse_request
 
 from zerobeam.experiments.sensors import amplifier as module
 from zerobeam.experiments.sensors.amplifier import (
     LONGEST,
     Amplifier,
     PsdSample,
-    parse_request,
     parse_sample,
     request_line,
     sample_line,

@@ -53,8 +53,6 @@ def test_whole_turns_within_the_limits() -> None:
     turns = solver.with_turns(row)
     assert len(turns) == 2**6
     assert all(solver.same(row, other) for other in turns)
-    near = row + np.radians([350, 0, 0, 0, 0, -350])
-    np.testing.assert_allclose(solver.nearest_turns(row, near), row + np.radians([360, 0, 0, 0, 0, -360]))
 
 
 def test_a_pose_out_of_reach_is_not_reached() -> None:
