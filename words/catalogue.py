@@ -264,7 +264,9 @@ def _mend_repeats(apart: RepeatsApart, case: RunCase) -> str:
     return f"Look for what changed (target, instrument, arm) {when}, and record the run again."
 
 
-def _repeats_sentence(apart: RepeatsApart, case: RunCase) -> str:
+def _repeats_sentence(apart: RepeatsApart, case: RunCase) -> str | None:
+    if case.diagnosis and case.diagnosis[0].cause == "units":
+        return None  # in the right unit they are no repeats
     return f"{_finding(apart, case)}."
 
 

@@ -153,9 +153,10 @@ _RIVALS_OF_LINKS: frozenset[Cause] = frozenset(
         "tool",
     }
 )
-# What can make two readings in one posture differ: nothing else that is wrong all along can.
+# What can make two readings in one posture differ: nothing else that is wrong all along can. Of angles in
+# radians that were taken for degrees, different postures seem to be one.
 _MAKES_REPEATS_DIFFER: frozenset[Cause] = frozenset(
-    {"measurements", "repeats", "moved_target", "jump", "drift", "lag", "backlash", "noise"}
+    {"measurements", "repeats", "moved_target", "jump", "drift", "lag", "backlash", "noise", "units"}
 )
 
 BEYOND_TOLERANCES: frozenset[Cause] = frozenset({"geometry", "gravity", "harmonics"})
