@@ -390,8 +390,8 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
     items = list(enumerate(parameters.items))
     unit = float(np.radians(1.0))
     if linear.problem.tool.calibrated:
-        shifts = [i for i, item in items if item.group == "tool" and item.unit == "mm"]
-        tilts = [i for i, item in items if item.group == "tool" and item.unit == "deg"]
+        known = [(i, item.unit) for i, item in items if item.group == "tool" and item.tolerated]
+        shifts, tilts = ([i for i, unit in known if unit == of] for of in ("mm", "deg"))
         for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
             if which:
                 tried = linear.of(linear.by_parameters(which))

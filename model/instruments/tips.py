@@ -91,6 +91,11 @@ class TipStation(Station):
     tip_stated: bool
 
     @property
+    def calibrated(self) -> bool:
+        """The tip is always stated, to its tolerance."""
+        return True
+
+    @property
     def unknowns(self) -> tuple[Unknown, ...]:
         if self.tip_std is None:
             return ()
