@@ -79,6 +79,10 @@ class BatchRow:
     offsets: Annotated[tuple[BatchOffset, ...], it("rows of its offsets")] = ()
     simulated: Annotated[bool, it("whether its provenance says that it was simulated")] = False
     contradicted: Annotated[bool, it("whether it is a pass by which nothing is to be entered")] = False
+    falls_short: Annotated[
+        bool,
+        it("whether it is a pass of a robot that does not meet what its header requires, or may not"),
+    ] = False
 
     def __post_init__(self) -> None:
         if self.outcome == "failed" and self.offsets:
@@ -131,8 +135,8 @@ class Batch:
 
     @property
     def passed(self) -> bool:
-        """Whether every run is a pass."""
-        return self.counts["pass"] == len(self.rows)
+        """Whether every run is a pass, and every robot meets what is required of it."""
+        return self.counts["pass"] == len(self.rows) and not any(row.falls_short for row in self.rows)
 
     @cached_property
     @key("identified offsets that are outliers among those of a model", name="odd")

@@ -46,10 +46,15 @@ _MOST_NAMED = 200
 _LONGEST_NAME, _LONGEST_MESSAGE = 40, 240
 _NO_NUMBER = "—"
 _CONTRADICTED = "contradicted"  # a pass by which nothing is to be entered
-_ORDER = (*OUTCOMES[:-1], _CONTRADICTED, OUTCOMES[-1])  # the gravest first
-_WORDS: dict[str, str] = {"failed": "Failed", _CONTRADICTED: "Nothing to enter"}
+_SHORT = "short"  # a pass of a robot that does not meet what is required, or may not
+_ORDER = (*OUTCOMES[:-1], _CONTRADICTED, _SHORT, OUTCOMES[-1])  # the gravest first
+_WORDS: dict[str, str] = {
+    "failed": "Failed",
+    _CONTRADICTED: "Nothing to enter",
+    _SHORT: "Requirement not shown to be met",
+}
 _WORDS |= {str(key): word for key, word in VERDICT_WORDS.items()}
-_MARK: dict[str, str] = {"failed": "", _CONTRADICTED: "weak", **VERDICT_MARKS}
+_MARK: dict[str, str] = {"failed": "", _CONTRADICTED: "weak", _SHORT: "weak", **VERDICT_MARKS}
 _CRITERIA = {
     "chi2": "residuals",
     "noise_factor": "noise factor",
@@ -74,7 +79,7 @@ def batch_page(done: Batch) -> Page:
     if simulated := sum(row.simulated for row in done.rows if row.outcome == "pass"):
         sentence += f" ({simulated:,} simulated)"
     others = [
-        f"{number:,} {'with ' if outcome == _CONTRADICTED else ''}{_WORDS[outcome].lower()}"
+        f"{number:,} {'with ' if outcome in (_CONTRADICTED, _SHORT) else ''}{_WORDS[outcome].lower()}"
         for outcome, number in _counted(done).items()
         if outcome != "pass"
     ]
@@ -87,7 +92,8 @@ def batch_page(done: Batch) -> Page:
             section_of("Outcomes", _outcomes(done), brief=True),
             *_failures(done),
             *_misfits(done),
-            *_contradicted(done),
+            *_doubted(done, _CONTRADICTED, "Runs of which nothing is to be entered"),
+            *_doubted(done, _SHORT, "Robots that do not meet what is required, or may not"),
             section_of("Outlying arms", *_outliers(done)),
             section_of(
                 "Uncertainty",
@@ -117,8 +123,9 @@ def _notes(done: Batch) -> Iterator[str]:
 
 
 def _shown(row: BatchRow) -> str:
-    """The outcome as the page counts it: passes by which nothing is to be entered by themselves."""
-    return _CONTRADICTED if row.contradicted else row.outcome
+    """The outcome as the page counts it: passes by which nothing is to be entered, and those that do not meet
+    what is required, by themselves."""
+    return _CONTRADICTED if row.contradicted else _SHORT if row.falls_short else row.outcome
 
 
 def _counted(done: Batch) -> dict[str, int]:
@@ -165,15 +172,16 @@ def _misfits(done: Batch) -> Iterator[Section]:
         yield section_of("Lack of fit", Paragraph(about), table)
 
 
-def _contradicted(done: Batch) -> Iterator[Section]:
+def _doubted(done: Batch, outcome: str, about: str) -> Iterator[Section]:
+    """Passes that are none to rely on, and why."""
     columns: Columns[BatchRow] = {
         "run": _run,
         "why": lambda row: clipped(row.message, _LONGEST_MESSAGE),
     }
-    if rows := [row for row in done.rows if row.contradicted]:
-        caption = _caption("Runs of which nothing is to be entered", rows)
+    if rows := [row for row in done.rows if _shown(row) == outcome]:
+        caption = _caption(about, rows)
         table = table_by(caption, rows[:_MOST_NAMED], columns, "l", lambda row: "weak")
-        yield section_of(_WORDS[_CONTRADICTED], table, brief=True)
+        yield section_of(_WORDS[outcome], table, brief=True)
 
 
 def _outliers(done: Batch) -> Iterator[Block]:

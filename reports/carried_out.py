@@ -26,6 +26,7 @@ from ..model.errors import BadInput, NotWritten, ZerobeamError
 from ..model.files.run import Run, read_run
 from ..model.files.whole_file import write_whole
 from ..model.records import dumps
+from ..words.case import RunCase
 from ..words.message import contradicted, headline, message
 from ..words.provenance import is_simulated
 from ..words.sentences import to_json
@@ -214,15 +215,19 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
         return failed(one.name, one.file, BadInput(message(result).verdict), one.run)
     fit, inputs, content = result.likelihood, result.inputs, message(result)
     nothing_entered = contradicted(result.verdict, content)
-    sentence = headline(result, person)
+    short = not nothing_entered and result.verdict == "pass" and RunCase.of_result(result).falls_short
+    sentence = content.verdict if short else headline(result, person)
+    if nothing_entered:
+        sentence = f"{sentence} {content.action.text}"
     when, serial = when_and_serial(inputs)
     return BatchRow(
         name=one.name,
         file=one.file,
         outcome="weak" if nothing_entered else result.verdict,
-        message=f"{sentence} {content.action.text}" if nothing_entered else sentence,
+        message=sentence,
         simulated=is_simulated(inputs.provenance),
         contradicted=nothing_entered,
+        falls_short=short,
         sha256=inputs.sha256,
         robot=inputs.robot,
         serial=serial,

@@ -257,6 +257,20 @@ def test_a_row_says_what_page_one_of_its_run_says(tmp_path):
     assert "eakly observable" not in page
 
 
+def test_a_pass_of_a_robot_that_does_not_meet_what_is_required_is_not_one_to_rely_on(tmp_path):
+    arm = exact_copy(GOOD, tmp_path / "arm.jsonl")
+    header, _, shots = arm.read_text().partition("\n")
+    stated = json.loads(header) | {"required": {"tcp_mm": 0.01}, "provenance": {"origin": "by hand"}}
+    arm.write_text(f"{json.dumps(stated)}\n{shots}")
+    told = zerobeam("batch", arm, "-o", tmp_path / "out", "--no-posterior")
+    assert told.status == zerobeam("analyse", arm).status == 1
+    assert told.out.startswith("Not all pass. 1 of 1 run is a pass")
+    assert "1 with requirement not shown to be met" in " ".join(told.out.split())
+    (found,) = json.loads((tmp_path / "out" / "batch.json").read_text())["runs"]
+    assert (found["outcome"], found["falls_short"]) == ("pass", True)
+    assert "required 0.01" in found["message"]
+
+
 def row(name, estimate, u=0.02):
     """Of one offset; without an estimate it is unidentifiable."""
     offset = BatchOffset("delta2", "deg", "unidentifiable", None, None, None)
