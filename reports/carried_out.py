@@ -26,8 +26,7 @@ from ..model.errors import BadInput, NotWritten, ZerobeamError
 from ..model.files.run import Run, read_run
 from ..model.files.whole_file import write_whole
 from ..model.records import dumps
-from ..words.case import RunCase
-from ..words.message import contradicted, headline, message
+from ..words.message import contradicted, falls_short, headline, message
 from ..words.provenance import is_simulated
 from ..words.sentences import to_json
 from ..words.wording import person
@@ -215,7 +214,7 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
         return failed(one.name, one.file, BadInput(message(result).verdict), one.run)
     fit, inputs, content = result.likelihood, result.inputs, message(result)
     nothing_entered = contradicted(result.verdict, content)
-    short = not nothing_entered and result.verdict == "pass" and RunCase.of_result(result).falls_short
+    short = falls_short(result.verdict, content)
     sentence = content.verdict if short else headline(result, person)
     if nothing_entered:
         sentence = f"{sentence} {content.action.text}"

@@ -283,14 +283,21 @@ def contradicted(verdict: Verdict, content: Message) -> bool:
     return verdict == "pass" and content.grade == "weak" and not content.may.enter
 
 
+def falls_short(verdict: Verdict, content: Message) -> bool:
+    """Whether a robot that passes is not shown to meet what is required of it."""
+    return verdict == "pass" and content.grade == "weak" and content.may.enter
+
+
 def verdict_words(verdict: Verdict, content: Message | None, simulated: bool) -> str:
-    """The verdict as lists say it: of a pass by which nothing is to be entered with that, of a simulated run
-    as such; `content` is None where the result cannot be read."""
+    """The verdict as lists say it: of a pass by which nothing is to be entered, or that does not meet what is
+    required, with that; of a simulated run as such; `content` is None where the result cannot be read."""
     word = status_words(verdict)
     if verdict == "pass" and content is None:
         word = "pass, result unreadable"
     elif content is not None and contradicted(verdict, content):
         word = "pass, enter nothing"
+    elif content is not None and falls_short(verdict, content):
+        word = "pass, requirement not shown"
     return said_word(word, simulated)
 
 

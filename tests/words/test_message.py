@@ -39,7 +39,7 @@ from zerobeam.reports.run.brief_page import brief_page
 from zerobeam.reports.run.report import report_page
 from zerobeam.words import numbers
 from zerobeam.words.case import RunCase
-from zerobeam.words.message import basis_lines, message, message_of_run, next_steps
+from zerobeam.words.message import basis_lines, message, message_of_run, next_steps, verdict_words
 from zerobeam.words.sentences import to_json
 
 GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
@@ -146,6 +146,8 @@ def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, m
     said = message(result)
     assert said.verdict.startswith(f"Pass; {met} the required {tcp_mm:g}\u00a0mm. J2 to J5 are")
     assert said.grade == colour
+    listed_as = "pass" if met == "meets" else "pass, requirement not shown"
+    assert verdict_words("pass", said, simulated=False) == listed_as
     assert ("do not release" in said.action.text) == (met == "does not meet")
     assert result.entered is not None
     assert result.entered.tcp_after is not None
