@@ -25,7 +25,7 @@ def robot(
     names: Annotated[bool, Option("Print the built-in robots.", "--list")] = False,
     joints: Annotated[
         list[str] | None,
-        Option("Joint values as the pendant shows them, in any common form; repeatable. Default: all zero."),
+        Option("Joint values as the pendant shows them, in any common form. Default: all zero."),
     ] = None,
     units: Annotated[
         PendantUnit | None,
@@ -36,7 +36,7 @@ def robot(
         list[str] | None,
         Option(
             "Pose of the flange that the pendant shows at the --joints of the same number: X, Y, Z and"
-            " the maker's angles, base frame, no tool; repeatable. Says which entry of the file is wrong.",
+            " the maker's angles, base frame, no tool. Says which entry of the file is wrong.",
             metavar="POSE",
         ),
     ] = None,

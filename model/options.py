@@ -351,7 +351,7 @@ class AnalyseOptions:
     hold_out: Annotated[
         list[str] | None,
         Option(
-            "Validate on this placement, with a fit of the others; repeatable, * and ? match."
+            "Validate on this placement, with a fit of the others; * and ? match."
             " Or predict another run (.jsonl) of the same header.",
             metavar="NAME|FILE",
             names="run or name",
@@ -361,7 +361,7 @@ class AnalyseOptions:
         list[str] | None,
         Option(
             "Leave out these measurements: by number, or FILE:LINE of the imported file or the run;"
-            " repeatable, with commas.",
+            " several with commas.",
             metavar="NUMBER|FILE:LINE",
             app=False,
         ),

@@ -166,7 +166,7 @@ def test_without_a_fit_there_is_nothing_to_show(unconverged: zb.Analysed) -> Non
     assert unconverged.draws is None
     assert unconverged.verdict == "degenerate"
     assert unconverged.covariance.matrix.shape == (0, 0)
-    assert "not determined" in repr(unconverged)
+    assert "no estimate" in repr(unconverged)
     for ask in (
         lambda: unconverged.posterior,
         lambda: unconverged.plot.posterior(),
