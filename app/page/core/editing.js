@@ -3,7 +3,7 @@
 import { batch, computed, effect, signal } from "@preact/signals";
 import { get, getFile, latest, post, put, Refused } from "./api.js";
 import { calibrationOf } from "./route.js";
-import { begun, failed, refresh, say, versionOf } from "./store.js";
+import { begun, failed, ownerOf, refresh, say, versionOf } from "./store.js";
 
 /**
  * @typedef {import("answers").StatedPosture} StatedPosture
@@ -287,7 +287,7 @@ async function write(as) {
     return true;
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    if (left()) failed(error);
+    if (left()) failed(error, ownerOf(name));
     else if (error.status === 412
       && same) await showConflict(/** @type {Parameters<typeof showConflict>[0]} */ (error.current));
     else wrong.value = error;
