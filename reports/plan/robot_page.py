@@ -85,7 +85,9 @@ def _conventions(pendant: Pendant) -> list[str]:
     else:
         lines.append(f"Joint 3 is counted from link 2 ({pendant.source}).")
     order = ", ".join(pendant.names[i] for i in pendant.order)
-    lines.append(f"The pendant shows {shown(order)}, in {UNITS_IN_WORDS[pendant.unit]}.")
+    slides = any(joint.kind == "prismatic" for joint in robot.joints)
+    in_mm = "; prismatic joints in mm" if slides and pendant.unit != "pulse" else ""
+    lines.append(f"The pendant shows {shown(order)}, in {UNITS_IN_WORDS[pendant.unit]}{in_mm}.")
     if facts.encoder3 is not None:
         lines.append(f"The encoder of joint 3 measures {_ENCODERS[facts.encoder3]}.")
     return lines

@@ -211,6 +211,24 @@ def test_a_new_robot_of_rows(tmp_path: Path) -> None:
     )
 
 
+def test_a_rail_is_shown_in_millimetres(tmp_path: Path) -> None:
+    rows = "\n".join(
+        [
+            "  - {name: rail, kind: prismatic, a_mm: 0, alpha_deg: -90, d_mm: 0, theta_deg: 0,"
+            " lower_mm: 0, upper_mm: 2000}",
+            "  - {a_mm: 150, alpha_deg: -90, d_mm: 486, theta_deg: 0, lower_deg: -170, upper_deg: 170}",
+        ]
+    )
+    path = tmp_path / "rail.yaml"
+    path.write_text(f"schema: zerobeam/robot/1\nname: rail\nconvention: standard\njoints:\n{rows}\n")
+    assert "The pendant shows J1, J2, in degrees; prismatic joints in mm." in told_of(path)
+    assert "in degrees." in told_of("irb1600")
+
+
+def told_of(robot: Path | str) -> str:
+    return " ".join(zerobeam("robot", robot).out.split())
+
+
 def test_a_maker_that_there_is_not_is_refused(tmp_path: Path) -> None:
     refusal = zerobeam("robot", "new", "-o", tmp_path / "mine.yaml", "--vendor", "Dosan").refused()
     assert "did you mean 'doosan'?" in refusal
