@@ -297,7 +297,7 @@ def verdict_words(verdict: Verdict, content: Message | None, simulated: bool) ->
     elif content is not None and contradicted(verdict, content):
         word = "pass, enter nothing"
     elif content is not None and falls_short(verdict, content):
-        word = "pass, requirement not shown"
+        word = "pass, requirement not shown to be met"
     return said_word(word, simulated)
 
 
