@@ -323,7 +323,8 @@ class Prospect:
         required = self.header.required
         u_mm = None
         if now.tcp_95_mm is not None:
-            u_mm = float(np.sqrt(np.trace(self.covariance @ self.forecast.mean_square)))
+            square = np.trace(self.covariance @ self.forecast.mean_square)
+            u_mm = float(np.sqrt(square + self.forecast.unmeasured_square))
         return Outlook(
             now=now,
             remedies=tuple(rows),
@@ -356,7 +357,7 @@ class Prospect:
                 joints=tuple((joints * display).round(3).tolist()),
                 tcp_mm=(at[0], at[1], at[2]),
                 beside_axis_mm=(away, up),
-                u_mm=float(np.sqrt(square)),
+                u_mm=float(np.sqrt(square + self.forecast.unmeasured_square)),
             )
 
     @cached_property

@@ -265,7 +265,7 @@ class TcpForecast:
         entered[free] = determined[: int(free.sum())]
         if (self._moving & ~entered).any():
             return None, None
-        by_noise = estimates.errors @ self._by_arm.T + self._unmeasured
+        by_noise = estimates.errors @ self._by_arm.T + self._of_link
         tcp = _length_quantiles(by_noise + estimates.estimates @ self._not_entered(entered).T)
         if not self._problem.geometry:
             return tcp, None
@@ -277,43 +277,54 @@ class TcpForecast:
         region."""
         return np.asarray(self._by_arm.T @ self._by_arm / len(self._joints))
 
-    @cached_property
-    def _unmeasured(self) -> Matrix:
-        """(D, 3 P) mm by which the TCPs of arms at random are off for the last link, where a free tool takes
-        it up; (1, 1) of nothing where none does."""
-        std = unmeasured_link(self._problem)
-        moving = np.flatnonzero(std)
-        if not len(moving):
-            return np.zeros((1, 1))
-        _, jacobian = tool_point(self._problem, self._x, self._point, self._joints)
-        columns = (jacobian[:, :, moving] * std[moving]).reshape(-1, len(moving))
-        drawn = arms_at_random(np.eye(len(moving)))
-        return np.asarray(drawn @ columns.T)
+    @property
+    def unmeasured_square(self) -> float:
+        """mm², the mean squared error of the TCP by the last link, where a free tool takes it up."""
+        return float((self._by_link**2).sum() / len(self._joints))
 
     def places(self, joints: Matrix) -> Matrix:
         """(P, 3) mm the TCP at recorded `joints` (P, n)."""
         return tool_point(self._problem, self._x, self._point, joints)[0]
 
     @cached_property
-    def _by_arm(self) -> Matrix:
-        """(3 P, f) mm the TCP by the scaled free parameters."""
+    def _scaled(self) -> Matrix:
+        """(3 P, a) mm the TCP by offsets and geometry, each by the std of its prior."""
         return self._rows(self._point, self._joints)
 
+    @cached_property
+    def _by_arm(self) -> Matrix:
+        """(3 P, f) mm the TCP by the scaled free parameters."""
+        return self._of_free(self._scaled)
+
+    @cached_property
+    def _by_link(self) -> Matrix:
+        """(3 P, m) mm the TCP by the tolerances of what of the last link a free tool takes up."""
+        return self._scaled[:, unmeasured_link(self._problem) > 0]
+
+    @cached_property
+    def _of_link(self) -> Matrix:
+        """(D, 3 P) mm by which the TCPs of arms at random are off for that."""
+        return arms_at_random(np.eye(self._by_link.shape[1])) @ self._by_link.T
+
     def _rows(self, points: Matrix, joints: Matrix) -> Matrix:
-        """(3 P, f) mm points of the flange by the scaled free parameters."""
+        """(3 P, a) mm points of the flange by the same."""
+        parameters = self._problem.parameters
+        _, jacobian = tool_point(self._problem, self._x, points, joints)
+        return np.asarray((jacobian * parameters.prior_std[parameters.arm]).reshape(3 * len(joints), -1))
+
+    def _of_free(self, scaled: Matrix) -> Matrix:
+        """(3 P, f) of (3 P, a)."""
         parameters = self._problem.parameters
         arm = parameters.free[parameters.arm]
-        _, jacobian = tool_point(self._problem, self._x, points, joints)
-        rows = np.zeros((3 * len(joints), int(parameters.free.sum())))
-        scaled = jacobian * parameters.prior_std[parameters.arm]
-        rows[:, : int(arm.sum())] = scaled[:, :, arm].reshape(len(rows), -1)
+        rows = np.zeros((len(scaled), int(parameters.free.sum())))
+        rows[:, : int(arm.sum())] = scaled[:, arm]
         return rows
 
     @cached_property
     def _fitted(self) -> Matrix:
         """(M, f) mm the points by which values to enter are fitted."""
         points, joints, roots = fitted_points(self._problem, self._point, _FITTED_AT)
-        return self._rows(points, joints) * np.repeat(roots, 3)[:, None]
+        return self._of_free(self._rows(points, joints)) * np.repeat(roots, 3)[:, None]
 
     def _not_entered(self, entered: Mask) -> Matrix:
         """(3 P, f) mm by which the TCP is off for the parameters of an arm of which nominal geometry has the

@@ -13,7 +13,9 @@ from scipy import stats
 
 from zerobeam.analysis.diagnostics.values_to_enter import TcpError, entered
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.observability.predictions import TcpForecast
 from zerobeam.analysis.solution import Solution
+from zerobeam.analysis.status import Status
 from zerobeam.analysis.tcp_region import arm_covariance, region_postures, tool_point
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
@@ -173,6 +175,11 @@ def test_the_last_link_that_a_free_tool_takes_up_moves_the_tcp_by_its_tolerances
     jacobian = tool_point(problem, problem.parameters.prior_mean, POINT, joints)[1]
     variance = np.einsum("pka,ab,pkb->pk", jacobian, arm_covariance(problem, known), jacobian)
     np.testing.assert_allclose(places.std(axis=0), np.sqrt(variance), rtol=0.06)  # of 4,000: 1.1 %
+    status: list[Status] = ["identified"] * len(problem.parameters)
+    forecast = TcpForecast(problem, problem.parameters.prior_mean, status)
+    at = region_postures(problem, 128)
+    moved = dataclasses.replace(arms, **none, links=links).tcp(np.broadcast_to(at, (4000, *at.shape)), POINT)
+    assert forecast.unmeasured_square == pytest.approx(moved.var(axis=0).sum(axis=1).mean(), rel=0.05)
     calibrated = Problem.build(OWN, irb1600(), joints, ["psd"] * len(joints))
     known = np.zeros((calibrated.parameters.free.sum(),) * 2)
     assert not arm_covariance(calibrated, known).any()
