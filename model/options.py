@@ -130,8 +130,8 @@ class OptionField:
     def typed_help(self) -> str:
         """What help says to who types it."""
         case = f"{self.option.case}: " if self.option.case else ""
-        more = "Repeatable." if self.several and not self.option.argument else self.option.more
-        return f"{case}{self.option.help} {more}".rstrip()
+        again = "Repeatable." if self.several and not self.option.argument else ""
+        return case + " ".join(filter(None, (self.option.help, again, self.option.more)))
 
     @cached_property
     def kinds(self) -> tuple[Any, ...]:

@@ -391,7 +391,7 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
     unit = float(np.radians(1.0))
     if linear.problem.tool.calibrated:
         known = [(i, item.unit) for i, item in items if item.group == "tool" and item.tolerated]
-        shifts, tilts = ([i for i, unit in known if unit == of] for of in ("mm", "deg"))
+        shifts, tilts = ([i for i, its in known if its == each] for each in ("mm", "deg"))
         for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
             if which:
                 tried = linear.of(linear.by_parameters(which))

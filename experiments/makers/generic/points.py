@@ -280,10 +280,8 @@ def _points(
     in_file = {
         _WORDS[word.lower()] for line in head for word in _UNIT.findall(line) if word.lower() in _WORDS
     }
-    for i in columns if table.names is not None else []:
-        unit_there = unit_of_name(table.names[i] if table.names else "")
-        if unit_there is not None:
-            in_file.add(unit_there)
+    if table.names is not None:
+        in_file |= {unit for i in columns if (unit := unit_of_name(table.names[i])) is not None}
     units = {*in_file, *([] if layout.units is None else [layout.units])}
     if len(units) != 1 or not units <= MILLIMETRES.keys():
         one = "the unit of the coordinates is not stated" if not units else "there is no such unit"
